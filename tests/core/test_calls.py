@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
+from tests.core.test_taken import Server, key
 from zacoustic.core.base.qos import Qos
-from zacoustic.core.engine.events import CallFailure, CallKey
-from zacoustic.core.transport.calls.calls import Answer, ClientCalls, Served, ServerCalls
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.transport.calls.calls import ClientCalls
 from zacoustic.core.transport.exchanges.numbers import (
     CALL_NUMBERING,
     GOAL_NUMBERING,
@@ -32,13 +33,8 @@ from zacoustic.core.wire.exchanges import LONGEST_ERROR_TEXT_BYTES
 from zacoustic.core.wire.goals import GoalFailure, Refusal, decode_refusal
 from zacoustic.errors import QueueFullError
 
-ANSWER = Answer(CallKind.RESPONSE, b"done")
 SETTLING_NS = 5
 WINDOW = CALL_NUMBERING.window
-
-
-def key(number: int = 0, *, client: int = 1, epoch: int = 1, stream_id: int = 20) -> CallKey:
-    return CallKey(client=client, epoch=epoch, stream_id=stream_id, number=number)
 
 
 def request(*, sent_at: int | None = None, on_air: bool = False) -> Repetition:
@@ -51,12 +47,6 @@ def request(*, sent_at: int | None = None, on_air: bool = False) -> Repetition:
 
 def begin(calls: ClientCalls, now: int = 0) -> tuple[int, int]:
     return calls.begin(20, 2, now)
-
-
-def take(calls: ServerCalls, call: CallKey, now: int = 0) -> Served | None:
-    for closed in calls.closed_by(call, settling_ns=SETTLING_NS, now=now):
-        calls.forget(closed)
-    return calls.take(call, timeout_ns=100, settling_ns=SETTLING_NS, now=now)
 
 
 # On the wire
@@ -232,7 +222,7 @@ class NumbersInTheMedium(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.now = 0
-        self.server = ServerCalls()
+        self.server = Server()
         self.open: dict[int, tuple[int, Repetition]] = {}
         """Index → number and request of the calls that have not ended."""
         self.requests: list[tuple[int, int, int]] = []
@@ -303,18 +293,17 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         if not self.requests:
             return
         index, number, _ = rng.choice(self.requests)
-        if self.server.find(key(number)) is not None:
+        if self.server.table.get(key(number)) is not None:
             assert self.taken[number] == index, "taken for a call that is long over"
         else:
             assert index not in self.executed, "executed twice"
             self.executed.add(index)
-            for closed in self.server.closed_by(key(number), settling_ns=0, now=self.now):
-                self.server.forget(closed)
-                del self.taken[closed.number]
-            assert self.server.take(key(number), timeout_ns=1, settling_ns=1, now=0) is not None
+            assert self.server.take(key(number)) is not None
             self.taken[number] = index
-        known = rng.choice(sorted(self.taken))
-        self.answers.append((self.taken[known], known, self.now + SETTLING_NS))
+            known = {taken.key.number for taken in self.server.table.of(1)}
+            self.taken = {each: self.taken[each] for each in self.taken if each in known}
+        answered = rng.choice(sorted(self.taken))
+        self.answers.append((self.taken[answered], answered, self.now + SETTLING_NS))
 
     def be_answered(self, rng: random.Random) -> None:
         if not self.answers:
@@ -354,60 +343,3 @@ def test_answer_finds_its_call_by_server_stream_and_number() -> None:
     calls.respond(call_id, None)
     assert calls.find(2, 20, number) is None
     assert calls.locate(call_id) is None
-
-
-# Servers
-
-
-def test_call_is_known_until_nothing_of_it_can_arrive() -> None:
-    calls = ServerCalls()
-    served = take(calls, key())
-    assert served is not None
-    assert calls.find(key()) is served
-    assert calls.answerable(key(), 99) is served
-    assert calls.answerable(key(), 100) is None
-    served.answer = ANSWER
-    assert calls.answerable(key(), 50) is None
-    assert served.forget_at == 2 * (100 + SETTLING_NS)
-    calls.forget(key())
-    assert calls.find(key()) is None
-
-
-def test_request_closes_what_is_a_window_behind_it() -> None:
-    calls = ServerCalls()
-    others = [key(30, client=2), key(30, stream_id=21), key(30, epoch=2)]
-    for each in [*map(key, range(CALL_NUMBERS)), *others]:
-        calls.take(each, timeout_ns=100, settling_ns=0, now=0)
-    closed = calls.closed_by(key(50), settling_ns=0, now=0)
-    assert [each.number for each in closed] == [*range(2, 50 - WINDOW + 1)]
-    assert not set(others) & set(closed)
-
-
-def test_calls_of_a_former_life_are_known_until_nothing_of_it_can_arrive() -> None:
-    calls = ServerCalls()
-    old = take(calls, key())
-    assert old is not None
-    old.abandoned_at = 3
-    assert take(calls, key(epoch=2), now=4) is not None
-    assert calls.find(key()) is old
-    assert take(calls, key(1, epoch=2), now=3 + 2 * SETTLING_NS - 1) is not None
-    assert calls.find(key()) is old
-    assert take(calls, key(2, epoch=2), now=3 + 2 * SETTLING_NS) is not None
-    assert calls.find(key()) is None
-
-
-def test_one_client_holds_a_bounded_number_of_calls_whatever_epochs_it_claims() -> None:
-    calls = ServerCalls()
-    taken = [take(calls, key(epoch % 64, epoch=epoch), now=epoch) for epoch in range(5000)]
-    assert sum(each is not None for each in taken) == 2 * CALL_NUMBERS
-    assert take(calls, key(client=2), now=5000) is not None
-
-
-def test_restored_calls_have_no_times_before_the_link_is_up() -> None:
-    calls = ServerCalls()
-    served = calls.restore(key(), ANSWER)
-    assert calls.restored() == [(key(), served)]
-    calls.begin(served, timeout_ns=100, settling_ns=SETTLING_NS, now=7)
-    assert calls.restored() == []
-    assert served.forget_at == 7 + 2 * (100 + SETTLING_NS)
-    assert served.is_answerable

@@ -207,6 +207,22 @@ def test_no_answer_to_a_former_life_is_taken_whatever_the_number(number: int) ->
     assert rig[1].engine.stats.dropped["unexpected_answer"] == 7
 
 
+def test_calls_of_a_former_life_are_known_until_nothing_of_it_can_arrive() -> None:
+    rig = ends()
+    first = Hello(WIRE_VERSION, 1, fleet().digest).encode()
+    rig[2].hear(first + b"\x14\x00first life", 0, source=1)
+    rig.restart(1, fleet())
+    for _ in range(2):
+        call(rig)
+        rig.exchange()
+    assert "call/1/1/20/0" in entries(rig)
+    rig.run(8)
+    assert "call/1/1/20/0" in entries(rig)
+    call(rig)
+    rig.exchange()
+    assert [name.split("/")[2] for name in entries(rig)] == ["2"] * 3
+
+
 def test_late_introduction_of_a_former_life_ends_no_call() -> None:
     rig = ends()
     first = Hello(WIRE_VERSION, 1, fleet().digest).encode()
