@@ -24,9 +24,9 @@ The idea: client, client boot epoch, stream and *number* identify a goal (`GoalK
 - A client that has heard nothing of a goal for half of `result_timeout_s` asks; after all of it,
   the client gives the goal up.
 
-Five bits identify a goal of one boot epoch of a client on one stream. A record about a
-goal of an *earlier* epoch carries that epoch. This also holds for an epoch that begins without a
-restart, so goals survive it.
+Five bits identify a goal of one boot epoch of a client on one stream. A record about a goal of an
+*earlier* epoch carries that epoch. This also holds for an epoch that begins without a restart, so
+goals survive it.
 
 Numbers, table, journal and repetition are those of every exchange
 (`zacoustic.core.transport.exchanges`).

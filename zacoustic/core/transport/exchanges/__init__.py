@@ -34,8 +34,8 @@ What stays apart, since it promises something else:
 
 - Commands are calls. Beside that they have an order (`zacoustic.core.transport.commands`): none is
   executed after a later one about the same object, of whichever call. At most once says nothing
-  about two different requests; the order is kept as long as the node that commands is known, not only
-  while copies may arrive.
+  about two different requests. The order is kept as long as the node that commands is known, not
+  only while copies may arrive.
 - A subscribe message is a state, and the newest one replaces all others. To execute it twice does
   no harm and to miss an earlier one neither, so it has a version and no number, and its publisher
   keeps the last one in place of a table.
