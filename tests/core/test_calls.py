@@ -197,6 +197,21 @@ def test_number_is_used_again_only_when_no_answer_to_its_last_use_can_arrive() -
     assert begin(calls, 10 + SETTLING_NS)[1] == 0
 
 
+def test_number_is_not_used_again_while_a_confirm_of_its_last_use_is_under_way() -> None:
+    calls = ClientCalls(1)
+    calls.settling_ns = SETTLING_NS
+    for number in range(CALL_NUMBERS):
+        call_id, _ = begin(calls, 10)
+        if number == WINDOW:
+            calls.proved(call_id, 10)
+        calls.fail(call_id, CallFailure.CANCELLED, "")
+    # A late answer is confirmed just before the number may be used again.
+    calls.confirms(2, 20, 0, 10 + SETTLING_NS - 1)
+    with pytest.raises(QueueFullError):
+        begin(calls, 10 + 2 * SETTLING_NS - 2)
+    assert begin(calls, 10 + 2 * SETTLING_NS - 1)[1] == 0
+
+
 def test_new_epoch_frees_all_numbers_if_no_call_is_under_way() -> None:
     calls = ClientCalls(1)
     for _ in range(CALL_NUMBERS):

@@ -154,6 +154,12 @@ class ClientCalls:
         call = self._calls[call_id]
         call.lane.proved(call.index, now + self.settling_ns)
 
+    def confirms(self, server: int, stream_id: int, number: int, now: int) -> None:
+        """Note that an answer is being confirmed, which must not confirm that of a later call."""
+        lane = self._lanes.get((server, stream_id))
+        if lane is not None:
+            lane.rest(number, now + self.settling_ns)
+
     def respond(self, call_id: int, value: object) -> ResponseReceived:
         """End a call with its response; the caller has stopped its request."""
         call = self._end(call_id)

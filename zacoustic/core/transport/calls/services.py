@@ -271,6 +271,7 @@ class Services:
 
     def _owe_confirm(self, stream: Stream, peer: int, number: int, now: int) -> None:
         """Queue a CONFIRM that the answer has arrived."""
+        self._clients.confirms(peer, stream.stream_id, number, now)
         head = server_bytes(stream, peer) + _head(CallKind.CONFIRM, number)
         record = confirm(stream.stream_id, peer, head, now)
         key = (stream.stream_id, CONFIRM_LANE, peer, number)
