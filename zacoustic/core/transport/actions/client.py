@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, Final
+from typing import Any
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.stats import count
@@ -24,6 +24,7 @@ from zacoustic.core.transport.actions.events import (
 )
 from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
 from zacoustic.core.transport.exchanges.numbers import GOAL_NUMBERING, NumberWindow
+from zacoustic.core.transport.exchanges.taken import NEVER
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.goals import (
     REMINDER,
@@ -36,8 +37,6 @@ from zacoustic.core.wire.goals import (
     decode_result,
 )
 from zacoustic.errors import JournalUnavailableError, QueueFullError
-
-_NEVER: Final = 1 << 62
 
 
 class GoalClient:
@@ -73,7 +72,7 @@ class GoalClient:
     def link_up(self, now: int) -> None:
         """Ask for the outcomes of the goals from before the restart."""
         for goal in self._goals.values():
-            if goal.stage is ClientStage.FOUND and goal.deadline_at == _NEVER:
+            if goal.stage is ClientStage.FOUND and goal.deadline_at == NEVER:
                 goal.deadline_at = now + self._patience_ns(goal)
                 self._claim(goal, now)
 

@@ -12,10 +12,10 @@ from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.clientgoal import ClientGoal, ClientStage
 from zacoustic.core.transport.exchanges.journal import ExchangeJournal
+from zacoustic.core.transport.exchanges.taken import NEVER
 from zacoustic.core.wire.goals import GoalKey
 
 _JOURNAL: Final = "goal/sent"
-_NEVER: Final = 1 << 62
 
 
 class ClientJournal:
@@ -43,7 +43,7 @@ class ClientJournal:
             key = GoalKey(self._address, *parts)
             spec = self._table.by_id(key.stream_id).spec
             assert isinstance(spec, ActionSpec)
-            goal = ClientGoal(key, spec.server, ClientStage.FOUND, _NEVER, tag)
+            goal = ClientGoal(key, spec.server, ClientStage.FOUND, NEVER, tag)
             goal.attempt = attempts - 1
             goal.attempts_journalled = attempts
             yield goal
