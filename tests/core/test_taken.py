@@ -1,16 +1,21 @@
 """The exchanges that a server has taken: bounded, closed by later ones, kept across restarts."""
 
+import random
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import pytest
 
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.timers import Due, Timers
-from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
+from zacoustic.core.peers.peers import Peers
+from zacoustic.core.schedule.pacers import Pacers
+from zacoustic.core.schedule.queue import TransmitQueue
+from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.exchanges.journal import ExchangeJournal
 from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
+from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.transport.exchanges.taken import NEVER, TakenExchange, TakenExchanges
 from zacoustic.core.wire.calls import CALL_NUMBERS, CallKey
 from zacoustic.core.wire.exchanges import ExchangeKey
@@ -39,7 +44,9 @@ class Server:
     def new_table(self, most: int | None = None) -> TakenExchanges[Taken]:
         """Return a table that knows nothing yet, as after a restart."""
         journal = ExchangeJournal("call", self.streams, self.journal)
-        repeater = cast("Any", None)
+        peers = Peers()
+        queue, pacers, rng = TransmitQueue(), Pacers(peers), random.Random(1)
+        repeater = Repeater(queue, peers, pacers, self.timers, rng)
         return TakenExchanges(journal, self.timers, repeater, Due.SERVED_CALL, CALL_NUMBERING, most)
 
     def take(self, key: ExchangeKey, now: int = 0) -> Taken | None:
@@ -179,10 +186,8 @@ def test_entries_of_changed_streams_are_deleted() -> None:
     assert taken is not None
     server.table.keep(taken, (), lambda at: None, 0)
     server.commit()
-    streams: list[ServiceSpec | ActionSpec] = [
-        ServiceSpec(stream_id=20, name="other", server=2, timeout_s=10, journal=True)
-    ]
-    server.streams = StreamTable(streams)
+    other = ServiceSpec(stream_id=20, name="other", server=2, timeout_s=10, journal=True)
+    server.streams = StreamTable([other])
     table = server.new_table()
     table.recover(server.entries, lambda parts, state: Taken(CallKey(*parts)))
     assert known(table) == []

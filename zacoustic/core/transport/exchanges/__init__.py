@@ -47,7 +47,7 @@ What stays apart, since it promises something else:
   the request came behind HELLO or TAG. Records about goals, which live through new epochs of their
   client, name it in three bytes, as FORMER, if the frame that takes them finds it needed. Each rule
   is on the wire (docs/wire.md, sections 5 and 12), so they are not one here.
-- Services of rmw_desert have no repetition and no number on their wire
+- Requests of rmw_desert are sent once, and its wire names neither client nor epoch
   (`zacoustic.core.profiles.rmw_desert.calls`).
 
 ==========  ========================================================================================
