@@ -8,20 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
+from tests.core.test_taken import Server, key
 from zacoustic.core.base.qos import Qos
-from zacoustic.core.engine.events import CallFailure, CallKey
-from zacoustic.core.transport.calls.calls import (
-    WINDOW,
-    Answer,
-    ClientCalls,
-    Served,
-    ServerCalls,
-    _Numbers,
+from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.transport.calls.calls import ClientCalls
+from zacoustic.core.transport.exchanges.numbers import (
+    CALL_NUMBERING,
+    GOAL_NUMBERING,
+    Numbering,
+    NumberWindow,
 )
-from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.transport.exchanges.repeating import Repetition
 from zacoustic.core.wire.calls import (
     CALL_NUMBERS,
-    LONGEST_ERROR_TEXT_BYTES,
     CallKind,
     decode_call_byte,
     decode_error,
@@ -30,15 +29,12 @@ from zacoustic.core.wire.calls import (
     encode_error,
     encode_name,
 )
+from zacoustic.core.wire.exchanges import LONGEST_ERROR_TEXT_BYTES
 from zacoustic.core.wire.goals import GoalFailure, Refusal, decode_refusal
 from zacoustic.errors import QueueFullError
 
-ANSWER = Answer(CallKind.RESPONSE, b"done")
 SETTLING_NS = 5
-
-
-def key(number: int = 0, *, client: int = 1, epoch: int = 1, stream_id: int = 20) -> CallKey:
-    return CallKey(client=client, epoch=epoch, stream_id=stream_id, number=number)
+WINDOW = CALL_NUMBERING.window
 
 
 def request(*, sent_at: int | None = None, on_air: bool = False) -> Repetition:
@@ -51,12 +47,6 @@ def request(*, sent_at: int | None = None, on_air: bool = False) -> Repetition:
 
 def begin(calls: ClientCalls, now: int = 0) -> tuple[int, int]:
     return calls.begin(20, 2, now)
-
-
-def take(calls: ServerCalls, call: CallKey, now: int = 0) -> Served | None:
-    for closed in calls.closed_by(call, settling_ns=SETTLING_NS, now=now):
-        calls.forget(closed)
-    return calls.take(call, timeout_ns=100, settling_ns=SETTLING_NS, now=now)
 
 
 # On the wire
@@ -93,6 +83,14 @@ def test_text_that_is_no_utf_8_leaves_the_failure() -> None:
     assert decode_refusal(b"\x0a\x03\xff") == Refusal(GoalFailure.CANCEL_REFUSED, "", 3)
 
 
+def test_text_that_is_no_unicode_is_sent_with_a_question_mark() -> None:
+    """A path or an error of the operating system may have it."""
+    error = encode_error(CallFailure.HANDLER, "no \udcff")
+    assert decode_error(error) == (CallFailure.HANDLER, "no ?")
+    refusal = Refusal(GoalFailure.REJECTED, "no \udcff").encode()
+    assert decode_refusal(refusal) == Refusal(GoalFailure.REJECTED, "no ?")
+
+
 def test_a_goal_goes_on_when_nobody_knows_which_attempt_to_cancel_is_refused() -> None:
     assert decode_refusal(b"\x0a") is None
     assert decode_refusal(b"\xee") == Refusal(GoalFailure.REJECTED, "")
@@ -113,7 +111,7 @@ def test_named_answer_is_for_one_life(
 
 
 def test_as_many_calls_as_the_window_holds_are_under_way() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     assert [begin(calls)[1] for _ in range(WINDOW)] == list(range(WINDOW))
     with pytest.raises(QueueFullError, match="16 calls to node 2 are under way"):
         begin(calls)
@@ -122,13 +120,19 @@ def test_as_many_calls_as_the_window_holds_are_under_way() -> None:
 
 
 def test_numbers_go_round() -> None:
-    assert begin(ClientCalls(first_number=40))[1] == 40
-    calls = ClientCalls(first_number=63)
+    assert begin(ClientCalls(3))[1] == 46
+    calls = ClientCalls(26)
     assert [begin(calls)[1] for _ in range(3)] == [63, 0, 1]
 
 
+@pytest.mark.parametrize("numbering", [CALL_NUMBERING, GOAL_NUMBERING])
+def test_successive_epochs_begin_with_all_numbers_in_turn(numbering: Numbering) -> None:
+    firsts = {numbering.first(epoch) for epoch in range(9, 9 + numbering.count)}
+    assert firsts == set(range(numbering.count))
+
+
 def test_window_moves_when_its_oldest_call_has_ended_and_its_request_has_settled() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     calls.settling_ns = SETTLING_NS
     first, second, *_ = [begin(calls)[0] for _ in range(WINDOW)]
     calls.attach(first, request(sent_at=20))
@@ -145,7 +149,7 @@ def test_window_moves_when_its_oldest_call_has_ended_and_its_request_has_settled
 
 
 def test_request_that_is_still_being_sent_holds_the_window() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     first, *_ = [begin(calls)[0] for _ in range(WINDOW)]
     sending = request(on_air=True)
     calls.attach(first, sending)
@@ -157,26 +161,59 @@ def test_request_that_is_still_being_sent_holds_the_window() -> None:
 
 
 def test_numbers_are_exhausted_until_an_answer_proves_that_old_ones_are_closed() -> None:
-    numbers = _Numbers(0)
+    numbers = NumberWindow(CALL_NUMBERING, 1)
     for index in range(CALL_NUMBERS):
         assert numbers.may_begin(index, 0)
         assert numbers.take()[0] == index
-        numbers.ended(index, None)
-    assert numbers.is_exhausted
+        numbers.ended(index, ())
+    assert numbers.is_stuck
     assert not numbers.may_begin(1 << 50, 0)
     # Of index 60 the server would close 12…44: whether 0…11 are closed is not known.
-    numbers.proved(60)
-    assert numbers.is_exhausted
-    numbers.proved(40)
-    assert not numbers.is_exhausted
-    assert [numbers.take()[1] for _ in range(25)] == list(range(25))
-    assert numbers.is_exhausted
-    numbers.proved(60)
-    assert not numbers.is_exhausted
+    numbers.proved(60, 0)
+    assert numbers.is_stuck
+    numbers.proved(40, 0)
+    assert not numbers.is_stuck
+    for expected in range(25):
+        index, number = numbers.take()
+        numbers.ended(index, ())
+        assert number == expected
+    assert numbers.is_stuck
+    numbers.proved(60, 0)
+    assert not numbers.is_stuck
+
+
+def test_number_is_used_again_only_when_no_answer_to_its_last_use_can_arrive() -> None:
+    calls = ClientCalls(1)
+    calls.settling_ns = SETTLING_NS
+    for number in range(CALL_NUMBERS):
+        call_id, _ = begin(calls, 10)
+        if number == WINDOW:
+            # It closes number 0, whose answer may have been sent again just before.
+            calls.proved(call_id, 10)
+        calls.fail(call_id, CallFailure.CANCELLED, "")
+    with pytest.raises(QueueFullError):
+        begin(calls, 10 + SETTLING_NS - 1)
+    assert not calls.needs_new_epoch(20, 2)
+    assert begin(calls, 10 + SETTLING_NS)[1] == 0
+
+
+def test_number_is_not_used_again_while_a_confirm_of_its_last_use_is_under_way() -> None:
+    calls = ClientCalls(1)
+    calls.settling_ns = SETTLING_NS
+    for number in range(CALL_NUMBERS):
+        call_id, _ = begin(calls, 10)
+        if number == WINDOW:
+            calls.proved(call_id, 10)
+        calls.fail(call_id, CallFailure.CANCELLED, "")
+    # A late answer is confirmed just before the number may be used again.
+    calls.confirms(2, 20, 0, 10 + SETTLING_NS - 1)
+    with pytest.raises(QueueFullError):
+        begin(calls, 10 + 2 * SETTLING_NS - 2)
+    assert begin(calls, 10 + 2 * SETTLING_NS - 1)[1] == 0
 
 
 def test_new_epoch_frees_all_numbers_if_no_call_is_under_way() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     for _ in range(CALL_NUMBERS):
         call_id, _ = begin(calls)
         assert not calls.needs_new_epoch(20, 2)
@@ -185,7 +222,7 @@ def test_new_epoch_frees_all_numbers_if_no_call_is_under_way() -> None:
     assert not calls.needs_new_epoch(20, 2)
     calls.fail(other, CallFailure.TIMED_OUT, "")
     assert calls.needs_new_epoch(20, 2)
-    calls.begin_epoch(23)
+    calls.begin_epoch(2)
     assert begin(calls)[1] == 23
 
 
@@ -200,7 +237,7 @@ class NumbersInTheMedium(RuleBasedStateMachine):
     def __init__(self) -> None:
         super().__init__()
         self.now = 0
-        self.server = ServerCalls()
+        self.server = Server()
         self.open: dict[int, tuple[int, Repetition]] = {}
         """Index → number and request of the calls that have not ended."""
         self.requests: list[tuple[int, int, int]] = []
@@ -210,13 +247,14 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         """Number → index of what the server remembers."""
         self.executed: set[int] = set()
 
-    @initialize(first=st.integers(0, CALL_NUMBERS - 1))
-    def start(self, first: int) -> None:
-        self.numbers = _Numbers(first)
+    @initialize(epoch=st.integers(1, CALL_NUMBERS))
+    def start(self, epoch: int) -> None:
+        self.numbers = NumberWindow(CALL_NUMBERING, epoch)
 
     @rule(
         seed=st.integers(0, 1 << 30),
         steps=st.integers(1, 300),
+        departs=st.sampled_from((0.1, 1.0)),
         arrives=st.sampled_from((0.0, 0.02, 0.2, 1.0)),
         returns=st.sampled_from((0.0, 0.02, 0.2, 1.0)),
         patience=st.sampled_from((0.0, 0.1, 1.0)),
@@ -227,6 +265,7 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         self,
         seed: int,
         steps: int,
+        departs: float,
         arrives: float,
         returns: float,
         patience: float,
@@ -236,7 +275,8 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         rng = random.Random(seed)
         for _ in range(steps):
             self.begin()
-            self.send(rng)
+            if rng.random() < departs:
+                self.send(rng)
             if rng.random() < arrives:
                 self.receive(rng)
             if rng.random() < returns:
@@ -268,18 +308,17 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         if not self.requests:
             return
         index, number, _ = rng.choice(self.requests)
-        if self.server.find(key(number)) is not None:
+        if self.server.table.get(key(number)) is not None:
             assert self.taken[number] == index, "taken for a call that is long over"
         else:
             assert index not in self.executed, "executed twice"
             self.executed.add(index)
-            for closed in self.server.closed_by(key(number), settling_ns=0, now=self.now):
-                self.server.forget(closed)
-                del self.taken[closed.number]
-            assert self.server.take(key(number), timeout_ns=1, settling_ns=1, now=0) is not None
+            assert self.server.take(key(number)) is not None
             self.taken[number] = index
-        known = rng.choice(sorted(self.taken))
-        self.answers.append((self.taken[known], known, self.now + SETTLING_NS))
+            known = {taken.key.number for taken in self.server.table.of(1)}
+            self.taken = {each: self.taken[each] for each in self.taken if each in known}
+        answered = rng.choice(sorted(self.taken))
+        self.answers.append((self.taken[answered], answered, self.now + SETTLING_NS))
 
     def be_answered(self, rng: random.Random) -> None:
         if not self.answers:
@@ -288,7 +327,7 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         for waiting, (its_number, _) in list(self.open.items()):
             if its_number == number:
                 assert waiting == index, "answered with the answer to another call"
-                self.numbers.proved(index)
+                self.numbers.proved(index, self.now + SETTLING_NS)
                 if rng.random() < 0.5:
                     self.end(index)
 
@@ -299,7 +338,7 @@ class NumbersInTheMedium(RuleBasedStateMachine):
 
     def end(self, index: int) -> None:
         _, repetition = self.open.pop(index)
-        self.numbers.ended(index, repetition)
+        self.numbers.ended(index, [repetition])
 
 
 TestNumbersInTheMedium = NumbersInTheMedium.TestCase
@@ -310,7 +349,7 @@ TestNumbersInTheMedium.settings = settings(stateful_step_count=15, max_examples=
 
 
 def test_answer_finds_its_call_by_server_stream_and_number() -> None:
-    calls = ClientCalls()
+    calls = ClientCalls(1)
     call_id, number = begin(calls)
     assert calls.find(2, 20, number) == call_id
     assert calls.find(3, 20, number) is None
@@ -319,60 +358,3 @@ def test_answer_finds_its_call_by_server_stream_and_number() -> None:
     calls.respond(call_id, None)
     assert calls.find(2, 20, number) is None
     assert calls.locate(call_id) is None
-
-
-# Servers
-
-
-def test_call_is_known_until_nothing_of_it_can_arrive() -> None:
-    calls = ServerCalls()
-    served = take(calls, key())
-    assert served is not None
-    assert calls.find(key()) is served
-    assert calls.answerable(key(), 99) is served
-    assert calls.answerable(key(), 100) is None
-    served.answer = ANSWER
-    assert calls.answerable(key(), 50) is None
-    assert served.forget_at == 2 * (100 + SETTLING_NS)
-    calls.forget(key())
-    assert calls.find(key()) is None
-
-
-def test_request_closes_what_is_a_window_behind_it() -> None:
-    calls = ServerCalls()
-    others = [key(30, client=2), key(30, stream_id=21), key(30, epoch=2)]
-    for each in [*map(key, range(CALL_NUMBERS)), *others]:
-        calls.take(each, timeout_ns=100, settling_ns=0, now=0)
-    closed = calls.closed_by(key(50), settling_ns=0, now=0)
-    assert [each.number for each in closed] == [*range(2, 50 - WINDOW + 1)]
-    assert not set(others) & set(closed)
-
-
-def test_calls_of_a_former_life_are_known_until_nothing_of_it_can_arrive() -> None:
-    calls = ServerCalls()
-    old = take(calls, key())
-    assert old is not None
-    old.abandoned_at = 3
-    assert take(calls, key(epoch=2), now=4) is not None
-    assert calls.find(key()) is old
-    assert take(calls, key(1, epoch=2), now=3 + 2 * SETTLING_NS - 1) is not None
-    assert calls.find(key()) is old
-    assert take(calls, key(2, epoch=2), now=3 + 2 * SETTLING_NS) is not None
-    assert calls.find(key()) is None
-
-
-def test_one_client_holds_a_bounded_number_of_calls_whatever_epochs_it_claims() -> None:
-    calls = ServerCalls()
-    taken = [take(calls, key(epoch % 64, epoch=epoch), now=epoch) for epoch in range(5000)]
-    assert sum(each is not None for each in taken) == 2 * CALL_NUMBERS
-    assert take(calls, key(client=2), now=5000) is not None
-
-
-def test_restored_calls_have_no_times_before_the_link_is_up() -> None:
-    calls = ServerCalls()
-    served = calls.restore(key(), ANSWER)
-    assert calls.restored() == [(key(), served)]
-    calls.begin(served, timeout_ns=100, settling_ns=SETTLING_NS, now=7)
-    assert calls.restored() == []
-    assert served.forget_at == 7 + 2 * (100 + SETTLING_NS)
-    assert served.is_answerable

@@ -12,7 +12,7 @@ from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.queue import TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
-from zacoustic.core.transport.repeating import Repeater, Repetition
+from zacoustic.core.transport.exchanges.repeating import Repeater, Repetition
 
 SLOW = {"bit_rate_bps": 1000, "propagation_s": 1.0}
 TIMES = LinkTimes(link(**SLOW))

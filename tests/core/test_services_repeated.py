@@ -19,7 +19,7 @@ from tests.core.rig import Rig, link
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.linktypes import LinkState
-from zacoustic.core.transport.calls.calls import WINDOW
+from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
 from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
 from zacoustic.core.wire.calls import CALL_NUMBERS
 from zacoustic.errors import QueueFullError
@@ -61,14 +61,15 @@ def test_answer_is_repeated_until_the_client_has_confirmed_it() -> None:
 
 def test_calls_that_are_due_together_share_frames() -> None:
     rig = acquainted()
-    for number in range(WINDOW):
+    for number in range(CALL_NUMBERING.window):
         call(rig, b"%d" % number)
     rig.run(0.5)
     assert len(sent_by(rig, 1)) == 2
-    for number in range(WINDOW):
+    for number in range(CALL_NUMBERING.window):
         answer(rig, b"re %d" % number, number=number)
     rig.run(1)
-    assert [value for _, value in responses(rig)] == [b"re %d" % each for each in range(WINDOW)]
+    expected = [b"re %d" % each for each in range(CALL_NUMBERING.window)]
+    assert [value for _, value in responses(rig)] == expected
     assert len(rig.frames) < 16
 
 
@@ -204,6 +205,22 @@ def test_no_answer_to_a_former_life_is_taken_whatever_the_number(number: int) ->
     assert rig[1].got(ResponseReceived) == []
     assert rig[1].got(CallFailed) == []
     assert rig[1].engine.stats.dropped["unexpected_answer"] == 7
+
+
+def test_calls_of_a_former_life_are_known_until_nothing_of_it_can_arrive() -> None:
+    rig = ends()
+    first = Hello(WIRE_VERSION, 1, fleet().digest).encode()
+    rig[2].hear(first + b"\x14\x00first life", 0, source=1)
+    rig.restart(1, fleet())
+    for _ in range(2):
+        call(rig)
+        rig.exchange()
+    assert "call/1/1/20/0" in entries(rig)
+    rig.run(8)
+    assert "call/1/1/20/0" in entries(rig)
+    call(rig)
+    rig.exchange()
+    assert [name.split("/")[2] for name in entries(rig)] == ["2"] * 3
 
 
 def test_late_introduction_of_a_former_life_ends_no_call() -> None:

@@ -319,6 +319,10 @@ class Client:
     begun: int = 0
     closed: int = 0
     """So many calls, from the first one, are closed."""
+    spent: int = 0
+    """So many are closed, and no answer to them can come any more."""
+    closings: deque[tuple[float, int]] = field(default_factory=deque)
+    """When `spent` is what."""
     active: dict[int, Request] = field(default_factory=dict)
     """By index."""
     spare_s: dict[int, float] = field(default_factory=dict)
@@ -896,7 +900,9 @@ class Node:
             before = request.index - _CALL_WINDOW
             if before in client.active or client.spare_s.get(before, now) > now:
                 return
-            if request.index >= client.closed + _NUMBERS:
+            while client.closings and now >= client.closings[0][0]:
+                client.spent = client.closings.popleft()[1]
+            if request.index >= client.spent + _NUMBERS:
                 return
             client.spare_s.pop(before, None)
             client.waiting.popleft()
@@ -926,8 +932,9 @@ class Node:
                 self._confirms.append(confirm)
         if request is None or request.server != peer.address or request.last_sent_s is None:
             return "no such call"
-        if client.closed >= request.index - 48:
-            client.closed = max(client.closed, request.index - _CALL_WINDOW + 1)
+        if request.index - 48 <= client.closed <= request.index - _CALL_WINDOW:
+            client.closed = request.index - _CALL_WINDOW + 1
+            client.closings.append((now + 6 * self.link.unit_s, client.closed))
         if item.head.kind == calls.CONFIRM:
             request.confirmed = True
             return None

@@ -8,7 +8,7 @@ from tests.virtual.callload import carry_calls
 from tests.virtual.callscenario import CallScenario
 from zacoustic.core.peers.peer import Peer
 from zacoustic.core.transport.calls.answering import Answering
-from zacoustic.core.wire.calls import CallKind
+from zacoustic.core.wire.calls import CallKey, CallKind
 
 BLOCKS = range(10)
 
@@ -62,9 +62,11 @@ def _answers_of_any_life(monkeypatch: pytest.MonkeyPatch) -> None:
 def _forgotten_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     confirmed = Answering.confirmed
 
-    def forget(self: Answering, key: object, now: int) -> None:
-        confirmed(self, key, now)  # type: ignore[arg-type]
-        self._forget(key, now)  # type: ignore[arg-type]
+    def forget(self: Answering, key: CallKey, now: int) -> None:
+        confirmed(self, key, now)
+        served = self._calls.get(key)
+        if served is not None:
+            self._calls.forget(served, now)
 
     monkeypatch.setattr(Answering, "confirmed", forget)
 

@@ -16,11 +16,11 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 `profiles`      which transports a node speaks, and how a frame is decoded: `native`, `rmw_desert`,
                 each a `profile`; `rules` has the rules of the config, `entities` those of discovery
 `transport`     the mechanisms between two nodes, end to end: `topics`, `reliable`, `objects`,
-                `subscriptions`, `calls`, `actions`, `commands`, `carry`; `status` answers what a
-                node is asked before a dive, `keydelivery` sends keys for broadcasts, `routing` has
-                the commands about routes; `repeating` repeats records until an answer,
-                `publication` is what a program publishes, `deliveries` has the events of samples;
-                `contract` is for third-party transports
+                `subscriptions`, `calls`, `actions`, `commands`, `carry`; `exchanges` is what all
+                that ask and answer have in common; `status` answers what a node is asked before a
+                dive, `keydelivery` sends keys for broadcasts, `routing` has the commands about
+                routes; `publication` is what a program publishes, `deliveries` has the events of
+                samples; `contract` is for third-party transports
 `relay`         frames of routes over other nodes: a `route`, a `flow` for each direction of it with
                 the frames in `custody`, the `gate` that gives its turns; `relay` is a source of the
                 composer; `prober` measures who hears whom, `paths` has changed paths; `flooding`
@@ -44,8 +44,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 `statements` are
                 what a frame says about its sender, `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;
-                `access`, `agreement`, `bond`, `calls`, `carry`, `flood`, `goals`, `numbers`,
-                `objects`, `relay`, `routing`, `subscriptions`
+                `access`, `agreement`, `bond`, `calls`, `carry`, `exchanges`, `flood`, `goals`,
+                `numbers`, `objects`, `relay`, `routing`, `subscriptions`
                 (docs/wire.md is normative)
 `streams`       what both ends agree on: `specs`, `keys`, `table` and its digest, `wireprofile`;
                 `commands`, `status`, `keydelivery` and `routing` are in every table, `carry` in

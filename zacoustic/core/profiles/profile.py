@@ -22,8 +22,8 @@ from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.calls.services import Services
 from zacoustic.core.transport.carry.status import CarryStatus
 from zacoustic.core.transport.contract import Transport
+from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.transport.publication import Publication
-from zacoustic.core.transport.repeating import Repeater
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.deadlines import Deadlines
 from zacoustic.core.wire.calls import CallFailure, CallKey

@@ -6,29 +6,21 @@
 import enum
 from typing import Final
 
-import msgspec
+from zacoustic.core.wire.exchanges import (
+    LONGEST_ERROR_TEXT_BYTES,
+    ExchangeKey,
+    decode_text,
+    encode_text,
+)
 
 CALL_NUMBERS: Final = 64
 """The number of distinguishable calls of one client to one service."""
 NAME_BYTES: Final = 1
 """Additional bytes of a named answer."""
-LONGEST_ERROR_TEXT_BYTES: Final = 48
-"""An error's text is cut to this many bytes of UTF-8: it is for people, and airtime is costly."""
 
 
-class CallKey(msgspec.Struct, frozen=True):
-    """Identifies a call at its server: client, boot epoch, stream and number.
-
-    As a text ``client/epoch/stream/number``. A number is reused after 64 calls at the earliest.
-    """
-
-    client: int
-    epoch: int
-    stream_id: int
-    number: int
-
-    def __str__(self) -> str:
-        return f"{self.client}/{self.epoch}/{self.stream_id}/{self.number}"
+class CallKey(ExchangeKey, frozen=True):
+    """Identifies a call at its server; a number is reused after 64 calls at the earliest."""
 
 
 class CallFailure(enum.IntEnum):
@@ -98,9 +90,7 @@ def encode_error(
     failure: CallFailure, text: str, longest_bytes: int = LONGEST_ERROR_TEXT_BYTES
 ) -> bytes:
     """Return the payload of an error: its number and its text, cut at a character."""
-    longest_bytes = max(0, min(longest_bytes, LONGEST_ERROR_TEXT_BYTES))
-    cut = text.encode(errors="replace")[:longest_bytes].decode(errors="ignore")
-    return bytes((failure,)) + cut.encode()
+    return bytes((failure,)) + encode_text(text, longest_bytes)
 
 
 def decode_error(payload: bytes) -> tuple[CallFailure, str] | None:
@@ -109,11 +99,3 @@ def decode_error(payload: bytes) -> tuple[CallFailure, str] | None:
         return CallFailure(payload[0]), decode_text(payload[1:])
     except (IndexError, ValueError):
         return None
-
-
-def decode_text(text: bytes) -> str:
-    """Return the text of a failure; empty if it is no UTF-8."""
-    try:
-        return text.decode()
-    except UnicodeDecodeError:
-        return ""

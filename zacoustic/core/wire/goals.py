@@ -33,7 +33,12 @@ import msgspec
 
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.values.payload import PayloadCodec
-from zacoustic.core.wire.calls import LONGEST_ERROR_TEXT_BYTES, decode_text
+from zacoustic.core.wire.exchanges import (
+    LONGEST_ERROR_TEXT_BYTES,
+    ExchangeKey,
+    decode_text,
+    encode_text,
+)
 
 GOAL_NUMBERS: Final = 32
 """The number of distinguishable goals of one boot epoch of a client on one stream."""
@@ -49,17 +54,8 @@ _AGAIN_REFUSED: Final = 10
 """Wire code of a failure beside those of `GoalFailure`: of CANCEL_AGAIN; its attempt follows."""
 
 
-class GoalKey(msgspec.Struct, frozen=True):
+class GoalKey(ExchangeKey, frozen=True):
     """Identifies a goal at both ends and across restarts."""
-
-    client: int
-    """Address of the client."""
-    epoch: int
-    """The client's boot epoch when it sent the goal."""
-    stream_id: int
-    """The action's stream."""
-    number: int
-    """The goal's number, 0…31."""
 
 
 class GoalStatus(enum.IntEnum):
@@ -249,8 +245,7 @@ class Refusal(msgspec.Struct, frozen=True):
         head = bytes((self.failure,))
         if self.attempt % _ATTEMPTS:
             head = bytes((_AGAIN_REFUSED, self.attempt % _ATTEMPTS))
-        room_bytes = max(0, min(longest_bytes - len(head), LONGEST_ERROR_TEXT_BYTES))
-        return head + self.text.encode()[:room_bytes].decode(errors="ignore").encode()
+        return head + encode_text(self.text, longest_bytes - len(head))
 
 
 def decode_refusal(payload: bytes) -> Refusal | None:

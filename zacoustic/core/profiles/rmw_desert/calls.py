@@ -26,13 +26,14 @@ from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.streams.rmwdesert import FIRST_SEQUENCE, LAST_SEQUENCE
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.calls.answering import call_qos
 from zacoustic.core.transport.calls.calls import (
     CallEvent,
     CallFailed,
     RequestReceived,
     ResponseReceived,
 )
+from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
+from zacoustic.core.transport.exchanges.records import repeated_qos
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.values.rmw_desert.messages import Kind, Message, check_limits, encode_head
 from zacoustic.core.wire.calls import CallFailure, CallKey
@@ -235,7 +236,7 @@ class DesertCalls:
             expires_at=expires_at,
         )
         lane = _REQUEST_LANE if kind is Kind.REQUEST else _ANSWER_LANE
-        self._queue.push((stream.stream_id, lane), item, call_qos(stream.qos))
+        self._queue.push((stream.stream_id, lane), item, repeated_qos(stream.qos, CALL_NUMBERING))
 
     def _take_sequence(self, stream_id: int) -> int:
         while True:

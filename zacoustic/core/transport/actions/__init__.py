@@ -24,14 +24,16 @@ The idea: client, client boot epoch, stream and *number* identify a goal (`GoalK
 - A client that has heard nothing of a goal for half of `result_timeout_s` asks; after all of it,
   the client gives the goal up.
 
-Five bits identify a goal of one boot epoch of a client on one stream (`numbers`). A record about a
-goal of an *earlier* epoch carries that epoch. This also holds for an epoch that begins without a
-restart, so goals survive it.
+Five bits identify a goal of one boot epoch of a client on one stream. A record about a goal of an
+*earlier* epoch carries that epoch. This also holds for an epoch that begins without a restart, so
+goals survive it.
+
+Numbers, table, journal and repetition are those of every exchange
+(`zacoustic.core.transport.exchanges`).
 
 - `events`: the events; `zacoustic.core.wire.goals` has the records and the terms of both.
-- `numbers`: which of the 32 numbers are free.
 - `outbox`: queues records about goals.
 - `client`, `clientgoal`, `clientrequests`, `clientjournal`: the goals that this node has sent.
-- `server`, `servedgoal`, `takengoals`: the goals that this node serves.
+- `server`, `servedgoal`: the goals that this node serves.
 - `actions`: both, for the application and the channel.
 """

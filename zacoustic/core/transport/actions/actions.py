@@ -14,7 +14,7 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.client import GoalClient
 from zacoustic.core.transport.actions.outbox import GoalOutbox
 from zacoustic.core.transport.actions.server import GoalServer
-from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.wire.frame import Record
 from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus, decode_message
 from zacoustic.errors import LocalError, UnknownStreamError
@@ -35,7 +35,7 @@ class Actions:
             context.address, context.queue, repeater, context.handshake
         )
         self._client = GoalClient(context, outbox)
-        self._server = GoalServer(context, outbox)
+        self._server = GoalServer(context, outbox, repeater)
         context.reception.on_records(ActionSpec, self.receive)
         context.epoch.began.connect(self.epoch_changed)
         context.peers.restarted.connect(self.peer_restarted)

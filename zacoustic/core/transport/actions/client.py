@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, Final
+from typing import Any
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.stats import count
@@ -22,11 +22,11 @@ from zacoustic.core.transport.actions.events import (
     GoalRecovered,
     ResultReceived,
 )
-from zacoustic.core.transport.actions.numbers import WINDOW, GoalNumbers
 from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
+from zacoustic.core.transport.exchanges.numbers import GOAL_NUMBERING, NumberWindow
+from zacoustic.core.transport.exchanges.taken import NEVER
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.goals import (
-    GOAL_NUMBERS,
     REMINDER,
     GoalFailure,
     GoalKey,
@@ -37,10 +37,6 @@ from zacoustic.core.wire.goals import (
     decode_result,
 )
 from zacoustic.errors import JournalUnavailableError, QueueFullError
-
-_NEVER: Final = 1 << 62
-# Odd, so 32 successive epochs begin with 32 different numbers; 11, 22, 1, 12, … are far apart.
-_EPOCH_STRIDE: Final = 11
 
 
 class GoalClient:
@@ -63,7 +59,7 @@ class GoalClient:
         self._stats = context.stats
         self._emit: Callable[[ActionEvent], None] = context.emit
         self._goals: dict[GoalKey, ClientGoal] = {}
-        self._numbers: dict[int, GoalNumbers] = {}
+        self._numbers: dict[int, NumberWindow] = {}
         self.settling_ns = 0
         """Time in which every repetition of a frame arrives, ns."""
 
@@ -76,7 +72,7 @@ class GoalClient:
     def link_up(self, now: int) -> None:
         """Ask for the outcomes of the goals from before the restart."""
         for goal in self._goals.values():
-            if goal.stage is ClientStage.FOUND and goal.deadline_at == _NEVER:
+            if goal.stage is ClientStage.FOUND and goal.deadline_at == NEVER:
                 goal.deadline_at = now + self._patience_ns(goal)
                 self._claim(goal, now)
 
@@ -242,7 +238,7 @@ class GoalClient:
         self._requests.claim(goal, now)
         self._arm(goal)
 
-    def _numbers_for(self, stream: Stream, spec: ActionSpec, now: int) -> GoalNumbers:
+    def _numbers_for(self, stream: Stream, spec: ActionSpec, now: int) -> NumberWindow:
         """Return the numbers of an action, with the next one free.
 
         Raises:
@@ -252,7 +248,7 @@ class GoalClient:
         numbers = self._numbers.get(stream.stream_id)
         if numbers is None:
             numbers = self._first_numbers(stream.stream_id, taken)
-        if len(taken) < WINDOW:
+        if len(taken) < GOAL_NUMBERING.window:
             if numbers.may_begin(now, self.settling_ns):
                 return numbers
             if numbers.is_stuck and self._epoch.renew(now):
@@ -260,14 +256,14 @@ class GoalClient:
                 if numbers.may_begin(now, self.settling_ns):
                     return numbers
         raise QueueFullError(
-            f"stream {stream.stream_id}: {WINDOW} goals for node {spec.server} are under way, or "
-            "have ended just now",
+            f"stream {stream.stream_id}: {GOAL_NUMBERING.window} goals for node {spec.server} are "
+            "under way, or have ended just now",
             hint="wait for results, or cancel goals",
         )
 
-    def _first_numbers(self, stream_id: int, taken: list[int]) -> GoalNumbers:
-        first = (self._handshake.epoch - 1) * _EPOCH_STRIDE % GOAL_NUMBERS
-        numbers = self._numbers[stream_id] = GoalNumbers(first, frozenset(taken))
+    def _first_numbers(self, stream_id: int, taken: list[int]) -> NumberWindow:
+        numbers = NumberWindow(GOAL_NUMBERING, self._handshake.epoch, frozenset(taken))
+        self._numbers[stream_id] = numbers
         return numbers
 
     def _stream(self, goal: ClientGoal) -> Stream:

@@ -2,8 +2,8 @@
 
 import enum
 
-from zacoustic.core.transport.actions.numbers import GoalNumbers
-from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.transport.exchanges.numbers import NumberWindow
+from zacoustic.core.transport.exchanges.repeating import Repetition
 from zacoustic.core.wire.goals import GoalKey
 
 
@@ -48,7 +48,7 @@ class ClientGoal:
         self.claim_at: int | None = None
         """Instant at which to ask for its outcome, ns; None: the question is under way or not
         needed."""
-        self.numbers: GoalNumbers | None = None
+        self.numbers: NumberWindow | None = None
         """Source of its number; None: sent in an earlier boot epoch."""
         self.index = 0
         """How many goals began before it in `numbers`."""

@@ -1,15 +1,12 @@
 """The repeated requests of an action client: a goal, a claim about it, a cancel."""
 
-from typing import Final
-
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.clientgoal import ClientGoal
 from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
-from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.transport.exchanges.repeating import Repetition
+from zacoustic.core.transport.exchanges.taken import NEVER
 from zacoustic.core.values.payload import PayloadCodec
 from zacoustic.core.wire.goals import Operation, encode_cancel
-
-_NEVER: Final = 1 << 62
 
 
 class ClientRequests:
@@ -62,7 +59,7 @@ class ClientRequests:
         payload: bytes = b"",
         codec: PayloadCodec | None = None,
     ) -> Repetition:
-        until = _NEVER if lane is GoalLane.CANCEL else goal.deadline_at
+        until = NEVER if lane is GoalLane.CANCEL else goal.deadline_at
         repetition = self._outbox.repeat(
             goal.key,
             self._table.by_id(goal.key.stream_id),

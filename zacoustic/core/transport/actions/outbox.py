@@ -13,11 +13,12 @@ from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.repeating import Repeater, Repetition
+from zacoustic.core.transport.exchanges.numbers import GOAL_NUMBERING
+from zacoustic.core.transport.exchanges.records import once_qos, repeated_qos
+from zacoustic.core.transport.exchanges.repeating import Repeater, Repetition
 from zacoustic.core.values.payload import PayloadCodec
 from zacoustic.core.wire.goals import (
     FORMER_BYTES,
-    GOAL_NUMBERS,
     REMINDER,
     GoalKey,
     Operation,
@@ -45,19 +46,8 @@ _HEADER_BYTES: Final = 2 + FORMER_BYTES
 _URGENT: Final = (GoalLane.CANCEL, GoalLane.CANCEL_ANSWER)
 
 
-class _Said(Waiting):
-    """A record that is sent once; whether it carries an epoch is decided when the frame goes."""
-
-    __slots__ = ("heading",)
-    heading: Callable[[], bytes]
-
-    def head_at(self, now: int) -> bytes:
-        """Return the shortest head that the other end understands by now."""
-        return self.heading()
-
-
-class _Repeated(Waiting):
-    """A repeated record about a goal, otherwise like `_Said`."""
+class _AboutGoal(Waiting):
+    """A record about a goal; whether it carries an epoch is decided when the frame goes."""
 
     __slots__ = ("heading",)
     heading: Callable[[], bytes]
@@ -101,25 +91,26 @@ class GoalOutbox:
         payload: bytes = b"",
     ) -> None:
         """Send a record once, in place of the one that waits in its lane."""
-        qos = Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=self._linger_s)
+        qos = once_qos(self._linger_s)
         if lane in _URGENT:
             qos = Qos(priority=Priority.REAL_TIME)
-        record = _Said(
-            stream_id=stream.stream_id,
-            destination=peer,
-            head=_longest_head(goal, operation),
-            payload=payload,
-            delimits_itself=operation is not Operation.REFUSED,
-            for_one_node=True,
-            cause=Cause.ACK,
-            is_reply=True,
-            queued_at=now,
-        )
+        shows_end = operation is not Operation.REFUSED
+
+        def written(payload: bytes) -> Waiting:
+            record = self._written(goal, stream, peer, operation, payload, now, shows_end=shows_end)
+            record.cause = Cause.ACK
+            return record
+
+        record = written(payload)
         if not self._queue.fits(record):
-            if operation is not Operation.REFUSED:
+            if shows_end:
                 return
-            record = self._shortened(record)
-        record.heading = partial(self._head, goal, operation)
+            # The text of a refusal is cut to fit the link.
+            assert self._queue.largest_bytes is not None
+            room_bytes = self._queue.largest_bytes - (record.size_bytes - len(payload))
+            refusal = decode_refusal(payload)
+            assert refusal is not None
+            record = written(refusal.encode(room_bytes))
         self._queue.replace(_lane_key(goal, peer, lane), record, qos)
 
     def feed(
@@ -129,17 +120,10 @@ class GoalOutbox:
         qos = msgspec.structs.replace(
             stream.qos, depth=1, lifespan_s=None, min_interval_s=interval_s
         )
-        record = _Said(
-            stream_id=stream.stream_id,
-            destination=peer,
-            head=_longest_head(goal, Operation.FEEDBACK),
-            payload=payload,
-            delimits_itself=stream.feedback_codec.delimits_itself,
-            for_one_node=True,
-            is_reply=True,
-            queued_at=now,
+        shows_end = stream.feedback_codec.delimits_itself
+        record = self._written(
+            goal, stream, peer, Operation.FEEDBACK, payload, now, shows_end=shows_end
         )
-        record.heading = partial(self._head, goal, Operation.FEEDBACK)
         self._queue.replace(_lane_key(goal, peer, GoalLane.FEEDBACK), record, qos)
 
     def repeat(
@@ -170,31 +154,19 @@ class GoalOutbox:
             until: End, ns.
             is_reminded: It is a result that is sent twice; then a reminder of it is repeated.
         """
-        qos = msgspec.structs.replace(
-            stream.qos, depth=2 * GOAL_NUMBERS, lifespan_s=None, min_interval_s=0.0
-        )
-        if lane in _URGENT:
-            qos = Qos(priority=Priority.REAL_TIME, depth=2 * GOAL_NUMBERS)
+        qos = Qos(priority=Priority.REAL_TIME) if lane in _URGENT else stream.qos
+        # Whoever hears a client's record knows which node is the server.
+        is_reply = goal.client != self._address
 
-        def written(operation: Operation, payload: bytes, shows_end: bool) -> _Repeated:
-            record = _Repeated(
-                stream_id=stream.stream_id,
-                destination=peer,
-                head=_longest_head(goal, operation),
-                payload=payload,
-                delimits_itself=shows_end,
-                # Whoever hears a client's record knows which node is the server.
-                for_one_node=goal.client != self._address,
-                is_reply=goal.client != self._address,
-                queued_at=now,
+        def written(operation: Operation, payload: bytes, shows_end: bool) -> Waiting:
+            return self._written(
+                goal, stream, peer, operation, payload, now, shows_end=shows_end, is_reply=is_reply
             )
-            record.heading = partial(self._head, goal, operation)
-            return record
 
         return self._repeater.start(
             _lane_key(goal, peer, lane),
             written(operation, payload, codec is None or codec.delimits_itself),
-            qos,
+            repeated_qos(qos, GOAL_NUMBERING),
             until=until,
             reminder=written(Operation.RESULT, REMINDER, True) if is_reminded else None,
         )
@@ -242,26 +214,31 @@ class GoalOutbox:
         epoch = None if self.needs_no_epoch(goal) else goal.epoch
         return encode_head(operation, goal.number, epoch)
 
-    def _shortened(self, refusal: _Said) -> _Said:
-        """Cut the text of a refusal to fit the link."""
-        assert self._queue.largest_bytes is not None
-        room_bytes = self._queue.largest_bytes - (refusal.size_bytes - len(refusal.payload))
-        said = decode_refusal(refusal.payload)
-        assert said is not None
-        return _Said(
-            stream_id=refusal.stream_id,
-            destination=refusal.destination,
-            head=refusal.head,
-            payload=said.encode(room_bytes),
-            for_one_node=True,
-            cause=Cause.ACK,
-            is_reply=True,
-            queued_at=refusal.queued_at,
+    def _written(
+        self,
+        goal: GoalKey,
+        stream: Stream,
+        peer: int,
+        operation: Operation,
+        payload: bytes,
+        now: int,
+        *,
+        shows_end: bool,
+        is_reply: bool = True,
+    ) -> Waiting:
+        record = _AboutGoal(
+            stream_id=stream.stream_id,
+            destination=peer,
+            # The longest one.
+            head=encode_head(operation, goal.number, goal.epoch),
+            payload=payload,
+            delimits_itself=shows_end,
+            for_one_node=is_reply,
+            is_reply=is_reply,
+            queued_at=now,
         )
-
-
-def _longest_head(goal: GoalKey, operation: Operation) -> bytes:
-    return encode_head(operation, goal.number, goal.epoch)
+        record.heading = partial(self._head, goal, operation)
+        return record
 
 
 def _lane_key(goal: GoalKey, peer: int, lane: GoalLane) -> LaneKey:

@@ -2,7 +2,7 @@
 
 import enum
 
-from zacoustic.core.transport.repeating import Repetition
+from zacoustic.core.transport.exchanges.taken import TakenExchange
 from zacoustic.core.wire.goals import GoalKey
 
 
@@ -36,38 +36,28 @@ class CancelStage(enum.Enum):
     """The application refuses."""
 
 
-class ServedGoal:
-    """A goal that this node has received.
-
-    Args:
-        key: Identifies the goal.
-        stage: Its state.
-        deadline_at: Instant after which its client no longer waits for an answer, ns.
-        forget_at: Instant at which it is forgotten, ns; None: it runs.
-    """
+class ServedGoal(TakenExchange[GoalKey]):
+    """A goal that this node has received."""
 
     __slots__ = (
-        "answer", "cancel", "cancel_attempt", "cancel_text", "claimed_in", "deadline_at",
-        "forget_at", "is_confirmed", "is_journalled", "key", "repetition", "stage",
-    )  # fmt: skip
+        "answer",
+        "cancel",
+        "cancel_attempt",
+        "cancel_text",
+        "claimed_in",
+        "is_confirmed",
+        "stage",
+    )
 
-    def __init__(
-        self, key: GoalKey, stage: ServedStage, deadline_at: int, forget_at: int | None
-    ) -> None:
-        self.key = key
-        self.stage = stage
-        self.deadline_at = deadline_at
-        self.forget_at = forget_at
+    def __init__(self, key: GoalKey) -> None:
+        super().__init__(key)
+        self.stage = ServedStage.TAKEN
         self.answer = b""
         """Payload of REFUSED or RESULT."""
-        self.is_journalled = False
-        """The answer is journalled and may be sent."""
         self.is_confirmed = False
         """Whether the client has the result."""
         self.claimed_in: int | None = None
         """The later epoch in which the client has asked about the goal, or None."""
-        self.repetition: Repetition | None = None
-        """The transmission of the RESULT."""
         self.cancel = CancelStage.NONE
         self.cancel_attempt = 0
         """The client's attempt that `cancel` refers to."""

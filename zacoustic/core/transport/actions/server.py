@@ -2,9 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Final
-
-import msgspec
+from typing import Any, Final
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.stats import count
@@ -13,10 +11,12 @@ from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.specs import ActionSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.events import ActionEvent, CancelRequested, GoalReceived
-from zacoustic.core.transport.actions.numbers import closes
 from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
 from zacoustic.core.transport.actions.servedgoal import CancelStage, ServedGoal, ServedStage
-from zacoustic.core.transport.actions.takengoals import TakenGoals
+from zacoustic.core.transport.exchanges.journal import ExchangeJournal
+from zacoustic.core.transport.exchanges.numbers import GOAL_NUMBERING
+from zacoustic.core.transport.exchanges.repeating import Repeater
+from zacoustic.core.transport.exchanges.taken import TakenExchanges
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.goals import (
     UNKNOWN_RESULT,
@@ -37,15 +37,8 @@ _JOURNAL: Final = "goal/taken"
 _WORTH_A_REMINDER_BYTES: Final = 8
 """From this size on, a reminder and the claim that sometimes follows cost less than one more copy
 of a result."""
-_NEVER: Final = 1 << 62
-
-
-class _Journalled(msgspec.Struct, frozen=True, array_like=True):
-    """A goal in its server's journal."""
-
-    digest: bytes
-    stage: str
-    answer: bytes
+_GOALS_MOST: Final = 1024
+"""The most goals of all clients, including those under forged addresses."""
 
 
 class GoalServer:
@@ -54,50 +47,50 @@ class GoalServer:
     Args:
         context: What the components of its engine share.
         outbox: Queues the records.
+        repeater: Repeats the results.
     """
 
-    def __init__(self, context: Context, outbox: GoalOutbox) -> None:
+    def __init__(self, context: Context, outbox: GoalOutbox, repeater: Repeater) -> None:
         self._table = context.table
         self._outbox = outbox
-        self._journal = context.journal
         self._handshake = context.handshake
         self._lives = context.lives
         self._doubt = context.doubt
-        self._timers = context.timers
         self._stats = context.stats
         self._emit: Callable[[ActionEvent], None] = context.emit
-        self._goals = TakenGoals()
+        self._goals: TakenExchanges[ServedGoal] = TakenExchanges(
+            ExchangeJournal(_JOURNAL, context.table, context.journal),
+            context.timers,
+            repeater,
+            Due.SERVED_GOAL,
+            GOAL_NUMBERING,
+            _GOALS_MOST,
+        )
         self.settling_ns = 0
         """Time in which every repetition of a frame arrives, ns."""
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore the goals from before the restart; those that ran have an unknown outcome."""
-        for name, value in stored.items():
-            if not name.startswith(f"{_JOURNAL}/"):
-                continue
-            key = GoalKey(*map(int, name.split("/")[2:]))
-            kept = msgspec.msgpack.decode(value, type=_Journalled)
-            stream = self._table.get(key.stream_id)
-            if stream is None or stream.digest != kept.digest:
-                self._journal.write(name, None)
-                continue
-            stage, answer = ServedStage(kept.stage), kept.answer
-            if stage not in (ServedStage.REFUSED, ServedStage.ENDED):
-                stage, answer = ServedStage.ENDED, UNKNOWN_RESULT
-            goal = ServedGoal(key, stage, _NEVER, _NEVER)
-            goal.answer, goal.is_journalled = answer, True
-            self._goals.add(goal)
+
+        def restore(parts: list[int], state: list[Any]) -> ServedGoal:
+            goal = ServedGoal(GoalKey(*parts))
+            stage, answer = state
+            goal.stage, goal.answer = ServedStage(stage), answer
+            if goal.stage not in (ServedStage.REFUSED, ServedStage.ENDED):
+                goal.stage, goal.answer = ServedStage.ENDED, UNKNOWN_RESULT
+            return goal
+
+        self._goals.recover(stored, restore)
 
     def link_up(self, now: int) -> None:
         """Start the timers of the goals from before the restart, and send their results."""
-        for goal in self._goals.values():
-            if goal.forget_at == _NEVER:
-                spec = self._spec(goal)
-                goal.deadline_at = now + seconds_to_ns(spec.timeout_s)
-                keeps_ns = seconds_to_ns(max(spec.timeout_s, spec.result_timeout_s))
-                self._forget_at(goal, now + keeps_ns + self.settling_ns)
-                if goal.stage is ServedStage.ENDED:
-                    self._push(goal, now)
+        for goal in self._goals.recovered():
+            spec = self._spec(goal)
+            goal.deadline_at = now + seconds_to_ns(spec.timeout_s)
+            keeps_ns = seconds_to_ns(max(spec.timeout_s, spec.result_timeout_s))
+            self._goals.forget_at(goal, now + keeps_ns + self.settling_ns)
+            if goal.stage is ServedStage.ENDED:
+                self._push(goal, now)
 
     # For the application
 
@@ -107,7 +100,7 @@ class GoalServer:
         if goal is None or goal.stage is not ServedStage.OFFERED or goal.deadline_at <= now:
             return False
         goal.stage = ServedStage.RUNS
-        self._forget_at(goal, None)
+        self._goals.forget_at(goal, None)
         self._say(goal, Operation.ACCEPTED, now)
         if goal.cancel is CancelStage.WANTED:
             self._ask_application(goal)
@@ -201,8 +194,8 @@ class GoalServer:
 
     def client_restarted(self, client: int, now: int) -> None:
         """Stop repeating a client's goals of other epochs, unless it asks for them."""
-        for goal in self._goals.values():
-            if goal.key.client == client and not self._is_wanted(goal):
+        for goal in self._goals.of(client):
+            if not self._is_wanted(goal):
                 self._outbox.stop(goal.repetition, now)
                 goal.repetition = None
                 self._outbox.withdraw(
@@ -211,18 +204,10 @@ class GoalServer:
 
     def client_forgotten(self, client: int, now: int) -> None:
         """Forget all goals of a client; those that run continue, without a report of their end."""
-        for goal in [goal for goal in self._goals.values() if goal.key.client == client]:
-            self._forget(goal, now)
+        for goal in self._goals.of(client):
+            self._goals.forget(goal, now)
 
     # Below the methods above
-
-    def _forget_at(self, goal: ServedGoal, instant: int | None) -> None:
-        """Remember a goal until an instant, ns; None: as long as it runs."""
-        goal.forget_at = instant
-        if instant is None:
-            self._timers.cancel((Due.SERVED_GOAL, goal.key))
-        else:
-            self._timers.at((Due.SERVED_GOAL, goal.key), instant, partial(self._forget, goal))
 
     def _stream(self, goal: ServedGoal) -> Stream:
         return self._table.by_id(goal.key.stream_id)
@@ -237,27 +222,23 @@ class GoalServer:
         present = self._handshake.peer(goal.key.client).epoch
         return present is None or present in (goal.key.epoch, goal.claimed_in)
 
-    def _take(self, key: GoalKey, stage: ServedStage, now: int) -> ServedGoal | None:
+    def _take(self, key: GoalKey, now: int) -> ServedGoal | None:
         """Add a new goal; return None when there are too many."""
-        for other in [*self._goals.of(key)]:
-            if other.key.epoch == key.epoch and closes(key.number, other.key.number):
-                self._forget(other, now)
         nodes = self._table.nodes
-        if (nodes and key.client not in nodes) or not self._goals.has_room(key):
+        if nodes and key.client not in nodes:
             return None
-        goal = ServedGoal(key, stage, 0, 0)
+        goal = ServedGoal(key)
         goal.deadline_at = now + seconds_to_ns(self._spec(goal).timeout_s)
-        self._forget_at(goal, goal.deadline_at + self.settling_ns)
         present = self._handshake.peer(key.client).present_epoch
         goal.claimed_in = None if present == key.epoch else present
-        self._goals.add(goal)
-        return goal
+        is_taken = self._goals.take(goal, goal.deadline_at + self.settling_ns, now)
+        return goal if is_taken else None
 
     def _receive_goal(self, key: GoalKey, stream: Stream, payload: bytes, now: int) -> str | None:
         assert isinstance(stream.spec, ActionSpec)
         if stream.spec.journal and self._doubt.suspends(stream.spec.timeout_s, now):
             return "suspended"
-        goal = self._take(key, ServedStage.TAKEN, now)
+        goal = self._take(key, now)
         if goal is None:
             return "too_many_goals"
         try:
@@ -271,8 +252,6 @@ class GoalServer:
         count(self._stats.received, stream.stream_id)
 
         def kept(at: int) -> None:
-            if goal.stage is not ServedStage.TAKEN or self._goals.get(key) is not goal:
-                return
             goal.stage = ServedStage.OFFERED
             received = GoalReceived(goal=key, value=value, deadline_at=goal.deadline_at)
             self._emit(received)
@@ -286,7 +265,7 @@ class GoalServer:
     ) -> str | None:
         if goal is None:
             # The cancel overtook its goal: the goal must not begin when it comes.
-            goal = self._take(key, ServedStage.TAKEN, now)
+            goal = self._take(key, now)
             if goal is None:
                 return "too_many_goals"
             self._refuse(goal, GoalFailure.CANCELLED, "", now)
@@ -354,32 +333,22 @@ class GoalServer:
 
     def _refuse(self, goal: ServedGoal, failure: GoalFailure, text: str, now: int) -> None:
         goal.stage, goal.answer = ServedStage.REFUSED, Refusal(failure, text).encode()
-        self._forget_at(goal, goal.deadline_at + self.settling_ns)
+        self._goals.forget_at(goal, goal.deadline_at + self.settling_ns)
         self._outbox.withdraw(goal.key, goal.key.client, GoalLane.ANSWER)
 
-        def kept(at: int) -> None:
-            goal.is_journalled = True
-            if self._goals.get(goal.key) is goal:
-                self._say(goal, Operation.REFUSED, at)
-
-        self._keep(goal, kept, now)
+        self._keep(goal, partial(self._say, goal, Operation.REFUSED), now)
 
     def _finish(self, goal: ServedGoal, answer: bytes, now: int) -> None:
         goal.stage, goal.answer = ServedStage.ENDED, answer
         keeps_until = now + seconds_to_ns(self._spec(goal).result_timeout_s)
-        self._forget_at(goal, max(goal.deadline_at, keeps_until) + self.settling_ns)
+        self._goals.forget_at(goal, max(goal.deadline_at, keeps_until) + self.settling_ns)
         # The result also says that the goal was accepted and has ended.
         self._outbox.withdraw(
             goal.key, goal.key.client, GoalLane.ANSWER, GoalLane.CANCEL_ANSWER, GoalLane.FEEDBACK
         )
         count(self._stats.published, goal.key.stream_id)
 
-        def kept(at: int) -> None:
-            goal.is_journalled = True
-            if self._goals.get(goal.key) is goal:
-                self._push(goal, at)
-
-        self._keep(goal, kept, now)
+        self._keep(goal, partial(self._push, goal), now)
 
     def _push(self, goal: ServedGoal, now: int) -> None:
         """Repeat a result until it is confirmed or no longer wanted."""
@@ -411,24 +380,7 @@ class GoalServer:
         if not goal.is_confirmed:
             goal.is_confirmed = True
             # Its GOAL may come once more until its deadline, and must not run again.
-            self._forget_at(goal, max(now, goal.deadline_at) + self.settling_ns)
-
-    def _forget(self, goal: ServedGoal, now: int) -> None:
-        self._goals.remove(goal)
-        self._timers.cancel((Due.SERVED_GOAL, goal.key))
-        self._outbox.stop(goal.repetition, now)
-        if self._stream(goal).spec.journal:
-            self._journal.write(_journal_name(goal.key), None)
+            self._goals.forget_at(goal, max(now, goal.deadline_at) + self.settling_ns)
 
     def _keep(self, goal: ServedGoal, then: Callable[[int], None], now: int) -> None:
-        """Journal the state of a goal, then continue."""
-        stream = self._stream(goal)
-        if not stream.spec.journal:
-            then(now)
-            return
-        kept = _Journalled(stream.digest, goal.stage.value, goal.answer)
-        self._journal.write(_journal_name(goal.key), msgspec.msgpack.encode(kept), then)
-
-
-def _journal_name(key: GoalKey) -> str:
-    return f"{_JOURNAL}/{key.client}/{key.epoch}/{key.stream_id}/{key.number}"
+        self._goals.keep(goal, (goal.stage.value, goal.answer), then, now)

@@ -1,1 +1,1 @@
-"""Services: requests cross the channel, responses or errors come back."""
+"""Services: a request crosses, and a response or an error comes back: an exchange."""

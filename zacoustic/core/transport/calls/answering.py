@@ -6,25 +6,27 @@ engine itself serves has a handler here in place of the application.
 """
 
 from collections.abc import Callable, Mapping
-from functools import partial
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.base.qos import Priority, Qos, Stamp
-from zacoustic.core.base.stats import Cause, count
+from zacoustic.core.base.qos import Stamp
+from zacoustic.core.base.stats import count
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import LaneKey, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.calls.calls import Answer, RequestReceived, Served, ServerCalls
-from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.calls.calls import Answer, RequestReceived, Served
+from zacoustic.core.transport.exchanges.journal import ExchangeJournal
+from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
+from zacoustic.core.transport.exchanges.records import confirm, once_qos, repeated_qos
+from zacoustic.core.transport.exchanges.repeating import Repeater
+from zacoustic.core.transport.exchanges.taken import TakenExchanges
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.calls import (
-    CALL_NUMBERS,
     NAME_BYTES,
     NAMED,
     CallFailure,
@@ -39,17 +41,10 @@ from zacoustic.errors import LocalError, PayloadInvalidError
 
 ANSWER_LANE: Final = 2
 """Second part of the key of an answer lane; the client's address follows."""
-_CONFIRM_LANE: Final = 5
+CONFIRM_LANE: Final = 5
 _JOURNAL: Final = "call"
 _UNREADABLE: Final = object()
 _HEADER_BYTES: Final = 2 + NAME_BYTES
-
-
-class _Journalled(msgspec.Struct, frozen=True, array_like=True):
-    """A call in its server's journal."""
-
-    digest: bytes
-    answer: Answer | None
 
 
 class Answering:
@@ -65,12 +60,16 @@ class Answering:
         self._table = context.table
         self._queue = context.queue
         self._repeater = repeater
-        self._journal = context.journal
         self._doubt = context.doubt
-        self._timers = context.timers
         self._stats = context.stats
         self._emit: Callable[[RequestReceived], None] = context.emit
-        self._calls = ServerCalls()
+        self._calls: TakenExchanges[Served] = TakenExchanges(
+            ExchangeJournal(_JOURNAL, context.table, context.journal),
+            context.timers,
+            repeater,
+            Due.SERVED_CALL,
+            CALL_NUMBERING,
+        )
         self._handlers: dict[int, Callable[[RequestReceived, int], None]] = {}
         self._linger_s = 0.0
         self._settling_ns = 0
@@ -86,26 +85,23 @@ class Answering:
 
     def link_up(self, now: int) -> None:
         """Start the timers of calls from before the restart and send their answers."""
-        for key, served in self._calls.restored():
-            self._calls.begin(
-                served, timeout_ns=self._timeout_ns(key), settling_ns=self._settling_ns, now=now
-            )
-            self._arm(key, served)
-            self._send_answer(key, served, now)
+        for served in self._calls.recovered():
+            self._calls.forget_at(served, self._begin(served, now))
+            self._send_answer(served, now)
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore journalled calls; answer UNKNOWN where a call had no answer yet."""
-        for name, value in stored.items():
-            if not name.startswith(f"{_JOURNAL}/"):
-                continue
-            client, epoch, stream_id, number = map(int, name.split("/")[1:])
-            kept = msgspec.msgpack.decode(value, type=_Journalled)
-            stream = self._table.get(stream_id)
-            if stream is None or stream.digest != kept.digest:
-                self._journal.write(name, None)
-                continue
-            answer = kept.answer or Answer(CallKind.ERROR, encode_error(CallFailure.UNKNOWN, ""))
-            self._calls.restore(CallKey(client, epoch, stream_id, number), answer)
+
+        def restore(parts: list[int], state: list[Any]) -> Served:
+            served = Served(CallKey(*parts))
+            (answer,) = state
+            if answer is None:
+                served.answer = Answer(CallKind.ERROR, encode_error(CallFailure.UNKNOWN, ""))
+            else:
+                served.answer = msgspec.convert(answer, Answer)
+            return served
+
+        self._calls.recover(stored, restore)
 
     # For the application
 
@@ -138,25 +134,23 @@ class Answering:
             now: The instant.
             introduced: Its frame began with HELLO or TAG, so the answer must be named.
         """
-        served = self._calls.find(key)
+        served = self._calls.get(key)
         if served is not None:
-            self._receive_repetition(key, served, stream, now, introduced=introduced)
+            self._receive_repetition(served, now, introduced=introduced)
             return "repeated_request"
         if _keeps(stream) and self._doubt.suspends(_timeout_s(stream), now):
             return "suspended"
-        for closed in self._calls.closed_by(key, settling_ns=self._settling_ns, now=now):
-            self._forget(closed, now)
         age_s, payload = split_age(stream, payload)
         try:
             value = stream.codec.decode(payload)
         except PayloadError:
             value = _UNREADABLE
-        served = self._calls.take(
-            key, timeout_ns=self._timeout_ns(key), settling_ns=self._settling_ns, now=now
-        )
-        if served is None:
+        for other in self._calls.of(key.client):
+            if self._is_abandoned(other, now):
+                self._calls.forget(other, now)
+        served = Served(key)
+        if not self._calls.take(served, self._begin(served, now), now):
             return "too_many_calls"
-        self._arm(key, served)
         served.is_named = introduced
         if value is _UNREADABLE:
             self.reply_error(key, CallFailure.BAD_REQUEST, "the request does not decode", now)
@@ -178,14 +172,14 @@ class Answering:
                 handler(request, at)
                 return
             self._emit(request)
-            self._owe_confirm(key, served, stream, at)
+            self._owe_confirm(served, at)
 
-        self._keep(key, served, stream, kept, now)
+        self._calls.keep(served, (None,), kept, now)
         return None
 
     def confirmed(self, key: CallKey, now: int) -> None:
         """Stop repeating an answer that the client has confirmed."""
-        served = self._calls.find(key)
+        served = self._calls.get(key)
         if served is None or served.answer is None:
             return
         self._stop_answer(served, now, answered=True)
@@ -197,89 +191,55 @@ class Answering:
         Calls of its other boot epochs stay known: the frame that announced this epoch may be a late
         duplicate.
         """
-        for key, served in self._calls.of(client):
-            if key.epoch != epoch and served.abandoned_at is None:
+        for served in self._calls.of(client):
+            if served.key.epoch != epoch and served.abandoned_at is None:
                 served.abandoned_at = now
                 self._stop_answer(served, now)
-            elif key.epoch == epoch and served.abandoned_at is not None:
+            elif served.key.epoch == epoch and served.abandoned_at is not None:
                 served.abandoned_at = None
                 if served.is_answerable:
-                    self._send_answer(key, served, now)
+                    self._send_answer(served, now)
 
     def peer_forgotten(self, client: int, now: int) -> None:
         """Forget a node and all of its calls."""
-        for key, _ in self._calls.of(client):
-            self._forget(key, now)
+        for served in self._calls.of(client):
+            self._calls.forget(served, now)
 
     # Below the methods above
 
-    def _timeout_ns(self, key: CallKey) -> int:
-        return seconds_to_ns(_timeout_s(self._table.by_id(key.stream_id)))
+    def _begin(self, served: Served, now: int) -> int:
+        """Set the deadline of a call; return the instant at which it is forgotten."""
+        timeout_ns = seconds_to_ns(_timeout_s(self._table.by_id(served.key.stream_id)))
+        served.deadline_at = now + timeout_ns
+        # The client repeats for `timeout_ns`; twice that, since a link may hold a frame back.
+        return now + 2 * (timeout_ns + self._settling_ns)
 
-    def _receive_repetition(
-        self, key: CallKey, served: Served, stream: Stream, now: int, *, introduced: bool
-    ) -> None:
+    def _is_abandoned(self, served: Served, now: int) -> bool:
+        """Return whether no frame of a call's boot epoch can still arrive."""
+        since = served.abandoned_at
+        return since is not None and since + 2 * self._settling_ns <= now
+
+    def _receive_repetition(self, served: Served, now: int, *, introduced: bool) -> None:
         has_changed, served.is_named = served.is_named != introduced, introduced
         if served.is_answerable and served.repetition is not None:
             if has_changed:
                 self._stop_answer(served, now)
-                self._send_answer(key, served, now)
+                self._send_answer(served, now)
             else:
                 self._repeater.again(served.repetition)
         elif served.answer is None and served.is_journalled and served.abandoned_at is None:
-            self._owe_confirm(key, served, stream, now)
+            self._owe_confirm(served, now)
 
     def _stop_answer(self, served: Served, now: int, *, answered: bool = False) -> None:
         if served.repetition is not None:
             self._repeater.stop(served.repetition, now, answered=answered)
 
-    def _arm(self, key: CallKey, served: Served) -> None:
-        self._timers.at((Due.SERVED_CALL, key), served.forget_at, partial(self._forget, key))
-
-    def _forget(self, key: CallKey, now: int) -> None:
-        self._timers.cancel((Due.SERVED_CALL, key))
-        served = self._calls.forget(key)
-        if served is not None:
-            self._stop_answer(served, now)
-            if self._table.by_id(key.stream_id).spec.journal:
-                self._journal.write(_journal_name(key), None)
-
-    def _keep(
-        self,
-        key: CallKey,
-        served: Served,
-        stream: Stream,
-        then: Callable[[int], None],
-        now: int,
-    ) -> None:
-        """Journal the state of a call, then go on if the call is still known."""
-
-        def kept(at: int) -> None:
-            if self._calls.find(key) is served:
-                served.is_journalled = True
-                then(at)
-
-        if not stream.spec.journal:
-            kept(now)
-            return
-        value = msgspec.msgpack.encode(_Journalled(stream.digest, served.answer))
-        self._journal.write(_journal_name(key), value, kept)
-
-    def _owe_confirm(self, key: CallKey, served: Served, stream: Stream, now: int) -> None:
-        """Queue a CONFIRM that the request has arrived; it may linger for another frame."""
-        record = Waiting(
-            stream_id=stream.stream_id,
-            destination=key.client,
-            head=self._head(CallKind.CONFIRM, key, served),
-            payload=b"",
-            delimits_itself=True,
-            for_one_node=True,
-            cause=Cause.ACK,
-            is_reply=True,
-            queued_at=now,
-        )
-        qos = confirm_qos(self._linger_s)
-        self._queue.replace((key.stream_id, _CONFIRM_LANE, key.client, key.number), record, qos)
+    def _owe_confirm(self, served: Served, now: int) -> None:
+        """Queue a CONFIRM that the request has arrived."""
+        key = served.key
+        head = self._head(CallKind.CONFIRM, served)
+        record = confirm(key.stream_id, key.client, head, now)
+        self._queue.replace(_confirm_lane(key), record, once_qos(self._linger_s))
 
     def _error(self, failure: CallFailure, text: str) -> bytes:
         largest_bytes = self._queue.largest_bytes
@@ -288,30 +248,30 @@ class Answering:
         return encode_error(failure, text, largest_bytes - _HEADER_BYTES - 1)
 
     def _answer(self, call: CallKey, kind: CallKind, payload: bytes, now: int) -> bool:
-        served = self._calls.answerable(call, now)
-        if served is None:
+        served = self._calls.get(call)
+        if served is None or served.answer is not None or served.deadline_at <= now:
             return False
-        stream = self._table.by_id(call.stream_id)
-        served.answer, served.is_journalled = Answer(kind, payload), False
+        served.answer = answer = Answer(kind, payload)
         # The answer also confirms the request.
-        self._queue.drop_lane((call.stream_id, _CONFIRM_LANE, call.client, call.number))
+        self._queue.drop_lane(_confirm_lane(call))
         count(self._stats.published, call.stream_id)
 
         def kept(at: int) -> None:
             if served.is_answerable:
-                self._send_answer(call, served, at)
+                self._send_answer(served, at)
 
-        self._keep(call, served, stream, kept, now)
+        self._calls.keep(served, (answer,), kept, now)
         return served.abandoned_at is None
 
-    def _send_answer(self, call: CallKey, served: Served, now: int) -> None:
-        stream, answer = self._table.by_id(call.stream_id), served.answer
+    def _send_answer(self, served: Served, now: int) -> None:
+        call, answer = served.key, served.answer
+        stream = self._table.by_id(call.stream_id)
         assert answer is not None
         is_response = answer.kind is CallKind.RESPONSE
         record = Waiting(
             stream_id=call.stream_id,
             destination=call.client,
-            head=self._head(answer.kind, call, served),
+            head=self._head(answer.kind, served),
             payload=answer.payload,
             stamped=is_response and stream.qos.stamp is Stamp.AGE,
             delimits_itself=is_response and stream.response_codec.delimits_itself,
@@ -320,12 +280,13 @@ class Answering:
             queued_at=now,
         )
         key = (call.stream_id, ANSWER_LANE, call.client)
-        qos = call_qos(stream.qos)
+        qos = repeated_qos(stream.qos, CALL_NUMBERING)
         served.repetition = self._repeater.start(
             key, record, qos, until=served.deadline_at, introduces=stream.is_built_in
         )
 
-    def _head(self, kind: CallKind, key: CallKey, served: Served) -> bytes:
+    def _head(self, kind: CallKind, served: Served) -> bytes:
+        key = served.key
         head = server_bytes(self._table.by_id(key.stream_id), self._address)
         if served.is_named:
             named = bytes((encode_call_byte(NAMED, key.number),)) + encode_name(kind, key.epoch)
@@ -343,15 +304,5 @@ def _timeout_s(stream: Stream) -> float:
     return stream.spec.timeout_s
 
 
-def call_qos(qos: Qos) -> Qos:
-    """Return the QoS of a call lane: calls neither displace each other nor wait."""
-    return msgspec.structs.replace(qos, depth=2 * CALL_NUMBERS, lifespan_s=None, min_interval_s=0.0)
-
-
-def confirm_qos(linger_s: float) -> Qos:
-    """Return the QoS of a CONFIRM, which lingers for up to `linger_s` to join another frame."""
-    return Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=linger_s)
-
-
-def _journal_name(key: CallKey) -> str:
-    return f"{_JOURNAL}/{key}"
+def _confirm_lane(key: CallKey) -> LaneKey:
+    return (key.stream_id, CONFIRM_LANE, key.client, key.number)

@@ -11,15 +11,8 @@ remembers the number and gives a repetition the same answer. With a journal this
 restarts: the server journals a request before it runs, and after a restart answers `UNKNOWN` to a
 request that was running.
 
-Call numbers are reused, so both ends must agree when a number is free. The client keeps three
-rules:
-
-1. A call begins only after the one `WINDOW` numbers earlier has ended and nothing of its request
-   can arrive any more. So all requests under way have numbers within a window of `WINDOW`.
-2. A request closes at its server all calls that are `WINDOW` to 64 - `WINDOW` numbers earlier. By
-   rule 1 they have ended, so the server forgets them.
-3. A number is reused only when an answer has proved that the server closed its last use. If no such
-   answer comes and no call is under way, the client begins a new boot epoch.
+Numbers are reused by the rules of `zacoustic.core.transport.exchanges.numbers`. If no number is
+free and no call is under way, the client begins a new boot epoch.
 
 The client's next boot epoch uses the same numbers, and a plain answer carries no epoch: the server
 may still answer a call of an earlier epoch. So a client accepts a plain answer only after it has
@@ -28,18 +21,15 @@ abandoned the calls of all other epochs. Until then the client's frames begin wi
 the server replies with a *named* answer, which carries the epoch.
 """
 
-from typing import Any, Final
+from typing import Any
 
 import msgspec
 
-from zacoustic.core.transport.repeating import Repetition
-from zacoustic.core.wire.calls import CALL_NUMBERS, CallFailure, CallKey, CallKind
+from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING, NumberWindow
+from zacoustic.core.transport.exchanges.repeating import Repetition
+from zacoustic.core.transport.exchanges.taken import TakenExchange
+from zacoustic.core.wire.calls import CallFailure, CallKey, CallKind
 from zacoustic.errors import QueueFullError
-
-WINDOW: Final = 16
-"""The most calls of one client to one service that can be under way at once."""
-_LIVES: Final = 2
-_NEVER: Final = 1 << 62
 
 
 class RequestReceived(msgspec.Struct, frozen=True, kw_only=True):
@@ -90,7 +80,7 @@ class _Call:
 
     __slots__ = ("index", "lane", "number", "request", "server", "stream_id")
 
-    def __init__(self, stream_id: int, server: int, lane: "_Numbers") -> None:
+    def __init__(self, stream_id: int, server: int, lane: NumberWindow) -> None:
         self.stream_id = stream_id
         self.server = server
         self.lane = lane
@@ -98,60 +88,18 @@ class _Call:
         self.request: Repetition | None = None
 
 
-class _Numbers:
-    """The free call numbers of one service; an *index* counts calls from 0."""
-
-    def __init__(self, first_number: int) -> None:
-        self._first_number = first_number
-        self._next = 0
-        self._closed_below = 0
-        self._open: set[int] = set()
-        self._ended: dict[int, Repetition | None] = {}
-
-    def take(self) -> tuple[int, int]:
-        """Return index and number of the next call."""
-        index = self._next
-        self._next += 1
-        self._open.add(index)
-        return index, (self._first_number + index) % CALL_NUMBERS
-
-    def may_begin(self, now: int, settling_ns: int) -> bool:
-        """Return whether rules 1 and 3 allow the next call."""
-        for index, request in list(self._ended.items()):
-            if request is None or request.is_settled(now, settling_ns):
-                del self._ended[index]
-        oldest = min((*self._open, *self._ended), default=self._next)
-        return self._next - oldest < WINDOW and not self.is_exhausted
-
-    @property
-    def is_exhausted(self) -> bool:
-        """Whether the next number is not proved free because no answer came for too long."""
-        return self._next - CALL_NUMBERS >= self._closed_below
-
-    def proved(self, index: int) -> None:
-        """Note that the server has this request, and so has closed the calls far behind it."""
-        if self._closed_below >= index - (CALL_NUMBERS - WINDOW):
-            self._closed_below = max(self._closed_below, index - WINDOW + 1)
-
-    def ended(self, index: int, request: Repetition | None) -> None:
-        """Note that a call has ended; its request is no longer sent."""
-        self._open.discard(index)
-        self._ended[index] = request
-
-
 class ClientCalls:
     """The calls that this node has made.
 
     Args:
-        first_number: The first call number, 0…63; different in each boot epoch, so that a late
-            answer to a call of the previous epoch matches no call of this one.
+        epoch: Boot epoch of this node.
     """
 
-    def __init__(self, first_number: int = 0) -> None:
-        self._first_number = first_number
+    def __init__(self, epoch: int) -> None:
+        self._epoch = epoch
         self._calls: dict[int, _Call] = {}
         self._by_number: dict[tuple[int, int, int], int] = {}
-        self._lanes: dict[tuple[int, int], _Numbers] = {}
+        self._lanes: dict[tuple[int, int], NumberWindow] = {}
         self._next_call_id = 1
         self.settling_ns = 0
         """The longest time from the last transmission of a request to its last arrival, ns."""
@@ -170,8 +118,8 @@ class ClientCalls:
         lane = self._lane(server, stream_id)
         if not lane.may_begin(now, self.settling_ns):
             raise QueueFullError(
-                f"stream {stream_id}: {WINDOW} calls to node {server} are under way, or no number "
-                "is proved free",
+                f"stream {stream_id}: {CALL_NUMBERING.window} calls to node {server} are under "
+                "way, or no number is proved free",
                 hint="wait for answers, or set a shorter timeout_s",
             )
         call_id = self._next_call_id
@@ -182,11 +130,11 @@ class ClientCalls:
 
     def needs_new_epoch(self, stream_id: int, server: int) -> bool:
         """Return whether numbers are exhausted, no call is open, and so a new epoch may begin."""
-        return not self._calls and self._lane(server, stream_id).is_exhausted
+        return not self._calls and self._lane(server, stream_id).is_stuck
 
-    def begin_epoch(self, first_number: int) -> None:
+    def begin_epoch(self, epoch: int) -> None:
         """Forget all numbers: a new epoch numbers its calls afresh."""
-        self._first_number = first_number
+        self._epoch = epoch
         self._lanes.clear()
 
     def attach(self, call_id: int, request: Repetition) -> None:
@@ -201,10 +149,16 @@ class ClientCalls:
         """Return the id of the call that an answer belongs to, or None."""
         return self._by_number.get((server, stream_id, number))
 
-    def proved(self, call_id: int) -> None:
+    def proved(self, call_id: int, now: int) -> None:
         """Note that the server has the request of a call."""
         call = self._calls[call_id]
-        call.lane.proved(call.index)
+        call.lane.proved(call.index, now + self.settling_ns)
+
+    def confirms(self, server: int, stream_id: int, number: int, now: int) -> None:
+        """Note that an answer is being confirmed, which must not confirm that of a later call."""
+        lane = self._lanes.get((server, stream_id))
+        if lane is not None:
+            lane.rest(number, now + self.settling_ns)
 
     def respond(self, call_id: int, value: object) -> ResponseReceived:
         """End a call with its response; the caller has stopped its request."""
@@ -241,16 +195,16 @@ class ClientCalls:
     def __len__(self) -> int:
         return len(self._calls)
 
-    def _lane(self, server: int, stream_id: int) -> _Numbers:
+    def _lane(self, server: int, stream_id: int) -> NumberWindow:
         lane = self._lanes.get((server, stream_id))
         if lane is None:
-            lane = self._lanes[server, stream_id] = _Numbers(self._first_number)
+            lane = self._lanes[server, stream_id] = NumberWindow(CALL_NUMBERING, self._epoch)
         return lane
 
     def _end(self, call_id: int) -> _Call:
         call = self._calls.pop(call_id)
         del self._by_number[(call.server, call.stream_id, call.number)]
-        call.lane.ended(call.index, call.request)
+        call.lane.ended(call.index, () if call.request is None else (call.request,))
         return call
 
 
@@ -261,25 +215,14 @@ class Answer(msgspec.Struct, frozen=True):
     payload: bytes
 
 
-class Served:
+class Served(TakenExchange[CallKey]):
     """A request that this node has accepted."""
 
-    __slots__ = (
-        "abandoned_at", "answer", "deadline_at", "forget_at", "is_closed", "is_journalled",
-        "is_named",
-        "repetition",
-    )  # fmt: skip
+    __slots__ = ("abandoned_at", "answer", "is_closed", "is_named")
 
-    def __init__(self, deadline_at: int, forget_at: int) -> None:
-        self.deadline_at = deadline_at
-        """Instant at which the client stops waiting, ns."""
-        self.forget_at = forget_at
-        """Instant from which no repetition of the request can arrive, ns."""
+    def __init__(self, key: CallKey) -> None:
+        super().__init__(key)
         self.answer: Answer | None = None
-        self.repetition: Repetition | None = None
-        """The transmission of the answer."""
-        self.is_journalled = False
-        """Whether the journal has the present state of the call."""
         self.is_named = True
         """Whether answers carry the client's epoch: the client may not know that this node has
         it."""
@@ -293,79 +236,3 @@ class Served:
         """Whether the answer is to be sent to the client."""
         waits = self.answer is not None and self.is_journalled
         return waits and not self.is_closed and self.abandoned_at is None
-
-
-class ServerCalls:
-    """The calls that this node serves, at most two epochs' worth per client and service."""
-
-    def __init__(self) -> None:
-        self._served: dict[CallKey, Served] = {}
-
-    def find(self, key: CallKey) -> Served | None:
-        """Return a known call, or None."""
-        return self._served.get(key)
-
-    def take(self, key: CallKey, *, timeout_ns: int, settling_ns: int, now: int) -> Served | None:
-        """Add a new request; return None when there are too many."""
-        rivals = sum(
-            (other.client, other.stream_id) == (key.client, key.stream_id) for other in self._served
-        )
-        if rivals >= _LIVES * CALL_NUMBERS:
-            return None
-        served = self._served[key] = Served(0, 0)
-        self.begin(served, timeout_ns=timeout_ns, settling_ns=settling_ns, now=now)
-        return served
-
-    def begin(self, served: Served, *, timeout_ns: int, settling_ns: int, now: int) -> None:
-        """Set the deadline of a call and the instant at which it is forgotten."""
-        served.deadline_at = now + timeout_ns
-        # The client repeats for `timeout_ns`; twice that, since a link may hold a frame back.
-        served.forget_at = now + 2 * (timeout_ns + settling_ns)
-
-    def closed_by(self, key: CallKey, *, settling_ns: int, now: int) -> list[CallKey]:
-        """Return the calls that a new request proves to be over.
-
-        These are the calls that have ended at its client (rule 2), and the calls of boot epochs
-        that were abandoned long enough ago that no frame of them can still arrive.
-        """
-        return [
-            other
-            for other, served in self._served.items()
-            if other.client == key.client
-            and (
-                _is_closed(other, key)
-                if other.epoch == key.epoch
-                else served.abandoned_at is not None
-                and served.abandoned_at + 2 * settling_ns <= now
-            )
-        ]
-
-    def answerable(self, key: CallKey, now: int) -> Served | None:
-        """Return a call that awaits its answer; None if it is unknown, answered or too late."""
-        served = self._served.get(key)
-        if served is None or served.answer is not None or served.deadline_at <= now:
-            return None
-        return served
-
-    def of(self, client: int) -> list[tuple[CallKey, Served]]:
-        """Return a client's calls in all its boot epochs."""
-        return [(key, each) for key, each in self._served.items() if key.client == client]
-
-    def forget(self, key: CallKey) -> Served | None:
-        """Forget a call."""
-        return self._served.pop(key, None)
-
-    def restore(self, key: CallKey, answer: Answer) -> Served:
-        """Restore a call from before the restart; its times begin when the link is UP."""
-        served = self._served[key] = Served(_NEVER, _NEVER)
-        served.answer, served.is_journalled = answer, True
-        return served
-
-    def restored(self) -> list[tuple[CallKey, Served]]:
-        """Return the restored calls whose times have not begun."""
-        return [(key, each) for key, each in self._served.items() if each.deadline_at == _NEVER]
-
-
-def _is_closed(other: CallKey, by: CallKey) -> bool:
-    distance = (by.number - other.number) % CALL_NUMBERS
-    return other.stream_id == by.stream_id and WINDOW <= distance <= CALL_NUMBERS - WINDOW

@@ -13,7 +13,7 @@ import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.qos import Stamp
-from zacoustic.core.base.stats import Cause, count
+from zacoustic.core.base.stats import count
 from zacoustic.core.base.timers import Due
 from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.peers.reception import Heard
@@ -23,17 +23,18 @@ from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import EVERY_NODE, Stream
-from zacoustic.core.transport.calls.answering import Answering, call_qos, confirm_qos
+from zacoustic.core.transport.calls.answering import CONFIRM_LANE, Answering
 from zacoustic.core.transport.calls.calls import (
     CallEvent,
     CallFailed,
     ClientCalls,
     ResponseReceived,
 )
-from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
+from zacoustic.core.transport.exchanges.records import confirm, once_qos, repeated_qos
+from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.calls import (
-    CALL_NUMBERS,
     NAME_BYTES,
     NAMED,
     CallFailure,
@@ -49,10 +50,7 @@ from zacoustic.core.wire.frame import Record
 from zacoustic.errors import LocalError
 
 _REQUEST_LANE: Final = 1
-_CONFIRM_LANE: Final = 5
 _HEADER_BYTES: Final = 2
-# Odd, so 64 successive epochs begin with 64 different numbers; 23, 46, 5, 28, … are far apart.
-_EPOCH_STRIDE: Final = 23
 
 
 class Services:
@@ -74,7 +72,7 @@ class Services:
         self._timers = context.timers
         self._stats = context.stats
         self._emit: Callable[[CallEvent], None] = context.emit
-        self._clients = ClientCalls(first_number=_first_number(context.handshake.epoch))
+        self._clients = ClientCalls(context.handshake.epoch)
         self._answering = Answering(context, repeater)
         context.reception.on_records(ServiceSpec, self.receive)
         context.epoch.began.connect(self.epoch_changed)
@@ -135,7 +133,7 @@ class Services:
         deadline_at = served_at if timeout_s is None else now + seconds_to_ns(timeout_s)
         if self._clients.needs_new_epoch(stream_id, server):
             self._epoch.begin(now)
-            self._clients.begin_epoch(_first_number(self._handshake.epoch))
+            self._clients.begin_epoch(self._handshake.epoch)
         call_id, number = self._clients.begin(stream_id, server, now)
         self._timers.at((Due.CALL, call_id), deadline_at, partial(self._time_out, call_id))
         if self._handshake.differs(server, stream_id):
@@ -154,7 +152,11 @@ class Services:
         # After that the server no longer remembers the number.
         until = min(deadline_at, served_at)
         started = self._repeater.start(
-            key, request, call_qos(stream.qos), until=until, introduces=stream.is_built_in
+            key,
+            request,
+            repeated_qos(stream.qos, CALL_NUMBERING),
+            until=until,
+            introduces=stream.is_built_in,
         )
         self._clients.attach(call_id, started)
         count(self._stats.published, stream_id)
@@ -217,7 +219,7 @@ class Services:
         """
         for stream in self._table:
             if isinstance(stream.spec, ServiceSpec):
-                self._queue.drop_lanes((stream.stream_id, _CONFIRM_LANE))
+                self._queue.drop_lanes((stream.stream_id, CONFIRM_LANE))
 
     def stream_differs(self, server: int, stream_id: int, now: int) -> None:
         """Fail the calls to a service that its server defines differently."""
@@ -239,7 +241,7 @@ class Services:
             return "unexpected_answer"
         call_id = self._clients.find(server, stream.stream_id, number)
         if call_id is not None:
-            self._clients.proved(call_id)
+            self._clients.proved(call_id, now)
             request = self._clients.request(call_id)
             if request is not None:
                 is_prompt = kind is CallKind.CONFIRM
@@ -268,20 +270,12 @@ class Services:
             self._repeater.resume(request, now)
 
     def _owe_confirm(self, stream: Stream, peer: int, number: int, now: int) -> None:
-        """Queue a CONFIRM that the answer has arrived; it may linger for another frame."""
-        record = Waiting(
-            stream_id=stream.stream_id,
-            destination=peer,
-            head=server_bytes(stream, peer) + _head(CallKind.CONFIRM, number),
-            payload=b"",
-            delimits_itself=True,
-            for_one_node=True,
-            cause=Cause.ACK,
-            is_reply=True,
-            queued_at=now,
-        )
-        qos = confirm_qos(self._linger_s)
-        self._queue.replace((stream.stream_id, _CONFIRM_LANE, peer, number), record, qos)
+        """Queue a CONFIRM that the answer has arrived."""
+        self._clients.confirms(peer, stream.stream_id, number, now)
+        head = server_bytes(stream, peer) + _head(CallKind.CONFIRM, number)
+        record = confirm(stream.stream_id, peer, head, now)
+        key = (stream.stream_id, CONFIRM_LANE, peer, number)
+        self._queue.replace(key, record, once_qos(self._linger_s))
 
     def _receive_response(
         self, call_id: int, stream: Stream, payload: bytes, now: int
@@ -322,11 +316,6 @@ class Services:
             self._repeater.stop(request, now)
         self._timers.cancel((Due.CALL, call_id))
         return self._clients.fail(call_id, failure, text)
-
-
-def _first_number(epoch: int) -> int:
-    """Return the first call number of a boot epoch, far from those of the epochs before."""
-    return (epoch - 1) * _EPOCH_STRIDE % CALL_NUMBERS
 
 
 def _head(kind: CallKind, number: int) -> bytes:

@@ -7,10 +7,10 @@ must stay right whatever is lost, duplicated, late or reordered, and whichever n
 
 The idea: for each publisher and each *page* of eight streams, a node keeps one *subscribe message*:
 the streams that it subscribes to there, and a version that grows with each change. It repeats the
-message (`zacoustic.core.transport.repeating`) until the publisher repeats it back. A message is the
-whole state of its page, so a later one replaces all earlier ones. It has four bytes, or six with
-the boot epoch of the publisher; in a frame without room for it beside a TAG, it gives its turn to
-the TAG.
+message (`zacoustic.core.transport.exchanges.repeating`) until the publisher repeats it back. A
+message is the whole state of its page, so a later one replaces all earlier ones. It has four bytes,
+or six with the boot epoch of the publisher; in a frame without room for it beside a TAG, it gives
+its turn to the TAG.
 
 The rules of `zacoustic.core.peers.handshake` apply to a message as to a record of the streams that
 it names: one from an earlier boot epoch, or one about other streams with the same ids, does not

@@ -6,7 +6,7 @@ from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import NO_STREAM, Cause
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import Waiting
-from zacoustic.core.transport.repeating import Repeater, Repetition
+from zacoustic.core.transport.exchanges.repeating import Repeater, Repetition
 from zacoustic.core.wire.subscriptions import SUBSCRIBE_CODE, Subscribe, bits_of, page_of
 
 SUBSCRIBE_LANE = 0

@@ -15,7 +15,7 @@ from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import LAST_STREAM_ID, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
-from zacoustic.core.transport.repeating import Repeater
+from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.transport.subscriptions.own import ANSWER_LANE, SUBSCRIBE_QOS, Own
 from zacoustic.core.transport.subscriptions.subscribers import Subscribers
 from zacoustic.core.wire.subscriptions import (
