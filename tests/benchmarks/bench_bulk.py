@@ -320,7 +320,30 @@ class RawClient:
             self._given[counter] = self._waiting.pop()
 
 
-class EngineClient:
+class Crew:
+    """Engines on the driver, from the instant at which all of them are up.
+
+    Args:
+        scenario: The channel.
+        guess: How the modems treat burst data.
+        table: Of all engines.
+    """
+
+    def __init__(self, scenario: Scenario, guess: BurstGuess, table: StreamTable) -> None:
+        fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
+        self.sea = CrewedSea(fleet, table, self._deliver, config=EvologicsConfig())
+        """The engines, their modems and the time."""
+        self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
+
+    def _deliver(self, node: CrewNode, event: Event) -> None:
+        """Take what an engine tells its application."""
+
+    def _publish(self, source: int, stream_id: int, value: bytes) -> None:
+        node = self.sea.crew[source - 1]
+        self.sea.apply(node, lambda engine, now: engine.publish(stream_id, value, now))
+
+
+class EngineClient(Crew):
     """Two engines on the driver.
 
     Args:
@@ -340,9 +363,7 @@ class EngineClient:
         self._under_way: dict[tuple[int, bytes], set[int]] = {}
         self._has_arrived = self._has_ended = False
         self._at: dict[tuple[int, int, bytes], int] = {}
-        fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
-        self.sea = CrewedSea(fleet, _table(), self._deliver, config=EvologicsConfig())
-        self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
+        super().__init__(scenario, guess, _table())
 
     def send(self, content: bytes) -> float:
         """Publish an object; return how long it takes until the other end has it, s."""
@@ -389,10 +410,6 @@ class EngineClient:
 
         self.sea.after(first_s, publish)
 
-    def _publish(self, source: int, stream_id: int, value: bytes) -> None:
-        node = self.sea.crew[source - 1]
-        self.sea.apply(node, lambda engine, now: engine.publish(stream_id, value, now))
-
     def _deliver(self, node: CrewNode, event: Event) -> None:
         if not isinstance(event, SampleReceived):
             return
@@ -425,7 +442,7 @@ class EngineClient:
         return max((each.finished_at for each in reports if each.transmission_id in ids), default=0)
 
 
-class AlarmRun:
+class AlarmRun(Crew):
     """A large sample from node 1 to node 2, and alarms of node 3.
 
     Args:
@@ -447,10 +464,7 @@ class AlarmRun:
         scenario = msgspec.structs.replace(
             scenario, nodes=(*scenario.nodes[:2], far), loss=LossSpec(frame=loss)
         )
-        guess = burst_guess(seed)
-        fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
-        self.sea = CrewedSea(fleet, _table(end), self._deliver, config=EvologicsConfig())
-        self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
+        super().__init__(scenario, burst_guess(seed), _table(end))
         for address in (1, 2, 3):
             self.sea.after(10.0 * address, partial(self._publish, address, REPORT, b"here"))
         self.sea.run(90.0)
@@ -467,10 +481,6 @@ class AlarmRun:
         self._at[value] = self.sea.now
         self._publish(3, ALARM, value)
         self.sea.after(self._rng.uniform(20.0, 60.0), self._alarm)
-
-    def _publish(self, source: int, stream_id: int, value: bytes) -> None:
-        node = self.sea.crew[source - 1]
-        self.sea.apply(node, lambda engine, now: engine.publish(stream_id, value, now))
 
     def _deliver(self, node: CrewNode, event: Event) -> None:
         if not isinstance(event, SampleReceived):
