@@ -26,7 +26,7 @@ _LONGER_S: Final = 12.0
 _MOST_PACKETS: Final = 10
 """The most packets in a train: more are for modems that do not move."""
 _LEAST_US: Final = 1_000_000
-"""A sound of this length is no message: 64 bytes last 0.86 s. Of shorter trains none is too long."""
+"""A sound of this length is no message: 64 bytes last 0.86 s. No shorter train is too long."""
 _LATELY: Final = 0.125
 """The part of the last train in the share of lost ones."""
 _ACKNOWLEDGING_S: Final = 0.8
