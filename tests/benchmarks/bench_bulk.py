@@ -214,11 +214,11 @@ def report(
             + ("" if each.holds or "without" in each.what else "  MISSED")
         )
     print(f"\nprogress of 13 kB, right within {PROGRESS_LIMIT:.0%}     took s    bar  foretold end")
-    for row in shown:
-        took_s = statistics.median(row.took_s)
+    for photo in shown:
+        took_s = statistics.median(photo.took_s)
         print(
-            f"{row.distance_m:5.0f} m {row.loss:4.0%} lost{'':21}{took_s:8.1f}"
-            f"{row.honest(row.bar):7.0%}{row.honest(row.foretold):14.0%}"
+            f"{photo.distance_m:5.0f} m {photo.loss:4.0%} lost{'':21}{took_s:8.1f}"
+            f"{photo.honest(photo.bar):7.0%}{photo.honest(photo.foretold):14.0%}"
         )
     for limit, holds in verdicts.items():
         print(f"{limit}: {'holds' if holds else 'MISSED'}")
