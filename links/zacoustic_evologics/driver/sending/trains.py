@@ -27,6 +27,8 @@ _MOST_PACKETS: Final = 10
 """The most packets in a train: more are for modems that do not move."""
 _LEAST_US: Final = 1_000_000
 """A sound of this length is no message: 64 bytes last 0.86 s. No shorter train is too long."""
+_LONGEST_US: Final = 15_000_000
+"""Nothing sounds longer: a damaged number must not keep urgent messages back."""
 _LATELY: Final = 0.125
 """The part of the last train in the share of lost ones."""
 _ACKNOWLEDGING_S: Final = 0.8
@@ -70,7 +72,8 @@ class Trains:
             now: The instant.
             is_to_receiver: Whether burst data of its receiver are under way.
         """
-        self.sounds_until = now + 1000 * (record.delay_us + record.duration_us)
+        sound_us = min(record.delay_us + record.duration_us, _LONGEST_US)
+        self.sounds_until = now + 1000 * sound_us
         if is_to_receiver and record.duration_us >= _LEAST_US:
             if self._is_unanswered:
                 self._count(1.0)

@@ -229,6 +229,22 @@ def test_trains_are_as_long_as_others_can_wait(rate_bps: int, packets: int) -> N
     assert max(Counter(arrived).values()) == packets
 
 
+def test_trains_are_longer_where_many_are_lost_and_short_again_when_none_are() -> None:
+    behaviour = Behaviour(burst_rates_bps=((-1000.0, 9200),), train_s=7.5)
+    longest = []
+    for loss in (0.0, 0.3):
+        sea = sea_of(lossy(loss, back=loss, seed=3), behaviour=behaviour, settings={"RC": 5})
+        for _ in range(4):
+            sea[1].reports.clear()
+            for number in range(30):
+                give(sea, number)
+            sea.until(lambda: len(sea[1].reports) == 30, limit_s=2000.0)  # noqa: B023
+        bulk = [each.received_at for each in sea[2].frames if each.service is Service.BULK]
+        longest.append(max(Counter(bulk[30:]).values()))
+    assert longest[0] == 4
+    assert 6 <= longest[1] <= 8
+
+
 @pytest.mark.parametrize("fate", ["taken", "queued", "refused"])
 def test_instant_message_goes_while_burst_data_are_under_way(fate: str) -> None:
     behaviour = Behaviour(im_in_train=fate)  # type: ignore[arg-type]
