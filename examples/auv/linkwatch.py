@@ -7,6 +7,7 @@ those of the gateway's clock of people, which is in the same local network.
 import contextlib
 import json
 from collections import deque
+from itertools import pairwise
 from typing import Any, Final
 
 import msgspec
@@ -20,6 +21,8 @@ WINDOW_S: Final = 60.0
 FRAMES_S: Final = 45.0
 """How long a frame is kept for the picture of the channel, s."""
 _FRAMES_MOST: Final = 128
+_SOON_S: Final = 0.5
+"""Steps within this time are one, s: the packets of a train come together."""
 
 
 class Frame(msgspec.Struct, frozen=True):
@@ -57,6 +60,8 @@ class Arriving(msgspec.Struct, frozen=True):
     """None: not known yet."""
     left_s: float | None
     """How long it will still take, at the speed of the last minute; None: not known."""
+    share: float | None
+    """Which share of it has come, by that speed since the last step; None: its size is unknown."""
 
 
 class LinkWatch:
@@ -223,7 +228,11 @@ class LinkWatch:
         for each in document["receiving"]:
             key = each["source"], each["transfer"]
             history = before.get(key) or deque(maxlen=64)
-            history.append((now_s, each["done_bytes"]))
+            done_bytes = each["done_bytes"]
+            if history and now_s - history[-1][0] < _SOON_S:
+                history[-1] = history[-1][0], done_bytes
+            elif not history or history[-1][1] != done_bytes:
+                history.append((now_s, done_bytes))
             self._progress[key] = history
 
     def _arriving(self, told: dict[str, Any], now_s: float) -> Arriving:
@@ -231,10 +240,15 @@ class LinkWatch:
         history = self._progress.get((told["source"], told["transfer"]), deque())
         while len(history) > 2 and history[1][0] <= now_s - WINDOW_S:
             history.popleft()
-        left_s = None
-        if history and total_bytes:
-            gained = done_bytes - history[0][1]
-            taken_s = now_s - history[0][0]
-            if gained > 0 and taken_s > 5.0:
-                left_s = (total_bytes - done_bytes) * taken_s / gained
-        return Arriving(done_bytes, total_bytes, left_s)
+        if not total_bytes:
+            return Arriving(done_bytes, total_bytes, None, None)
+        if len(history) < 2:
+            return Arriving(done_bytes, total_bytes, None, done_bytes / total_bytes)
+        # It comes in steps, a train of packets each: the next one is under way since the last.
+        steps = [late[1] - early[1] for early, late in pairwise(history)]
+        (first_s, first_bytes), (last_s, last_bytes) = history[0], history[-1]
+        speed = (last_bytes - first_bytes) / (last_s - first_s)
+        under_way_bytes = min(max(steps), speed * (now_s - last_s))
+        here_bytes = min(total_bytes, done_bytes + under_way_bytes)
+        left_s = (total_bytes - here_bytes) / speed if speed > 0 else None
+        return Arriving(done_bytes, total_bytes, left_s, here_bytes / total_bytes)

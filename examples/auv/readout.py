@@ -239,7 +239,7 @@ def water_lines(station: ControlStation) -> list[Line]:
             text = f"{each.queued} in the queue"
         found.append(Line(short(each.stream), text, is_bad=each.stream == STOP))
     if (share := photo_share(station)) is not None:
-        found.append(Line("photo", f"comes, {share:.0%} is here"))
+        found.append(Line("photo", f"comes, about {share:.0%} is here"))
     found += [
         Line(f"{short(topic)} {value:g}", "waits here: one set-point in 3 s")
         for topic, value in station.setpoints.waiting.items()
@@ -270,12 +270,11 @@ def photo_progress(station: ControlStation) -> str:
 
 
 def photo_share(station: ControlStation) -> float | None:
-    """Return which share of the photo is here; None: none is on its way."""
+    """Return about which share of the photo is here; None: none is on its way."""
     arriving = station.watch.arriving(station.now_s)
     if not arriving:
         return None
-    total_bytes = arriving[0].total_bytes
-    return arriving[0].done_bytes / total_bytes if total_bytes else 0.0
+    return arriving[0].share or 0.0
 
 
 def _place(north: float, east: float) -> str:

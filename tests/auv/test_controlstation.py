@@ -230,8 +230,13 @@ def test_a_photo_is_followed_from_the_order_to_the_picture() -> None:
     for step in range(5):
         station.watch.take("objects", objects(1000 * step), clock.now_s)
         clock.now_s += 10
-    assert readout.photo_share(station) == pytest.approx(0.4)
-    assert readout.photo_progress(station) == "4.0 of 10.0 kB, about 1 min 15 s left"
+    # The fourth step was ten seconds ago, and each takes ten.
+    assert readout.photo_share(station) == pytest.approx(0.5)
+    assert readout.photo_progress(station) == "4.0 of 10.0 kB, about 50 s left"
+    clock.now_s += 60  # one that does not come is waited for, not counted
+    assert readout.photo_share(station) == pytest.approx(0.5)
+    assert readout.photo_progress(station) == "4.0 of 10.0 kB, about 50 s left"
+    clock.now_s -= 60
     assert readout.photo_line(station) == ""
     assert any(each.name == "photo" for each in readout.water_lines(station))
     station.watch.take("objects", {"receiving": []}, clock.now_s)

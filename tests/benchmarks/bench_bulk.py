@@ -14,6 +14,9 @@ are in its time.
   the time that the frames take which were under way when it was published.
 - *real_time*: either node publishes a real_time sample now and then meanwhile: their delay.
 - *alarms*: a third node, as far from both, has reliable real_time samples for one of them.
+- *progress*: a photo of 13 kB, and what the console of `make auv` shows of it from the third second
+  on: its bar beside the share of the time that has passed, and the foretold end, in parts of the
+  whole time. Nothing is known before the first train has come, and no end before the second has.
 
 Must hold: in the mean 0.85 of the raw client, 0.7 in each guess; at the 95th percentile reports 6 s
 beyond what was under way, real_time samples 6 s, alarms 10 s; of 1000 alarms 999 in 30 s, and in
@@ -33,6 +36,7 @@ from typing import Final
 
 import msgspec
 
+from examples.auv.linkwatch import LinkWatch
 from tests.links.evologics.driver.crew import CrewedSea, CrewNode
 from tests.links.evologics.emulator.sea import Host
 from tests.links.evologics.emulator.sea import Sea as HostSea
@@ -44,6 +48,7 @@ from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.linktypes import Service
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic_evologics.at.notifications import Delivered, Failed, Recv
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import BurstGuess, EmulatedFleet, burst_guess, scenario_of
@@ -54,10 +59,13 @@ LEAST_LIMIT: Final = 0.7
 DELAY_LIMIT_S: Final = 6.0
 ALARM_LIMIT_S: Final = 10.0
 LOST_LIMIT: Final = 0.05
+PROGRESS_LIMIT: Final = 0.2
 _PACKET_BYTES: Final = 1024
 _LIMIT_S: Final = 20_000.0
-_CHANNELS: Final = 6
+_CHANNELS: Final = 12
 """With losses each guess has so many channels: one lost train more or less is luck."""
+_SHOWN_FROM_S: Final = 3.0
+_SHOWN_EACH_S: Final = 0.5
 
 
 class Goodput(msgspec.Struct, frozen=True, kw_only=True):
@@ -74,6 +82,21 @@ class Goodput(msgspec.Struct, frozen=True, kw_only=True):
         """The engine's part of the raw client's bit rate, by guess."""
         pairs = zip(self.engine_bit_per_s, self.raw_bit_per_s, strict=True)
         return [engine / raw for engine, raw in pairs]
+
+
+class Progress(msgspec.Struct, frozen=True, kw_only=True):
+    """What is shown of a photo, over all guesses: errors in parts of its whole time."""
+
+    distance_m: float
+    loss: float
+    took_s: list[float]
+    bar: list[float]
+    foretold: list[float]
+
+    @staticmethod
+    def honest(errors: Sequence[float]) -> float:
+        """Return which share of the instants is right within `PROGRESS_LIMIT`."""
+        return sum(abs(each) <= PROGRESS_LIMIT for each in errors) / max(1, len(errors))
 
 
 class Small(msgspec.Struct, frozen=True, kw_only=True):
@@ -133,12 +156,17 @@ def main() -> int:
         for loss in sorted({*arguments.loss, 0.4})
         for end in (1, 2)
     ]
+    shown = [
+        progress(distance_m, loss, arguments.guesses)
+        for distance_m in arguments.distance
+        for loss in arguments.loss
+    ]
     verdicts = _judge(rows, small)
     if arguments.json:
-        told = [msgspec.to_builtins(row) for row in (*rows, *small)]
+        told = [msgspec.to_builtins(row) for row in (*rows, *small, *shown)]
         print(json.dumps({"rows": told, "holds": verdicts}))
     else:
-        report(rows, small, verdicts)
+        report(rows, small, shown, verdicts)
     return 1 if arguments.strict and not all(verdicts.values()) else 0
 
 
@@ -154,7 +182,12 @@ def _judge(rows: Sequence[Goodput], small: Sequence[Small]) -> dict[str, bool]:
     }
 
 
-def report(rows: Sequence[Goodput], small: Sequence[Small], verdicts: dict[str, bool]) -> None:
+def report(
+    rows: Sequence[Goodput],
+    small: Sequence[Small],
+    shown: Sequence[Progress],
+    verdicts: dict[str, bool],
+) -> None:
     """Print the tables."""
     print(f"{'':24}{'raw bit/s':>11}{'engine':>9}{'mean':>7}{'least':>7}  least guesses")
     for row in rows:
@@ -179,6 +212,13 @@ def report(rows: Sequence[Goodput], small: Sequence[Small], verdicts: dict[str, 
             f"{each.percentile_s(0.999):8.1f}"
             + (f"{each.judged_s:8.1f}" if each.beyond_s else " " * 8)
             + ("" if each.holds or "without" in each.what else "  MISSED")
+        )
+    print(f"\nprogress of 13 kB, right within {PROGRESS_LIMIT:.0%}     took s    bar  foretold end")
+    for photo in shown:
+        took_s = statistics.median(photo.took_s)
+        print(
+            f"{photo.distance_m:5.0f} m {photo.loss:4.0%} lost{'':21}{took_s:8.1f}"
+            f"{photo.honest(photo.bar):7.0%}{photo.honest(photo.foretold):14.0%}"
         )
     for limit, holds in verdicts.items():
         print(f"{limit}: {'holds' if holds else 'MISSED'}")
@@ -252,6 +292,18 @@ def alarms(distance_m: float, loss: float, guesses: int, end: int) -> Small:
     )
 
 
+def progress(distance_m: float, loss: float, guesses: int) -> Progress:
+    """Follow a photo as the console of the shore does, over all guesses."""
+    runs = [PhotoRun(distance_m, loss, seed) for seed in range(guesses)]
+    return Progress(
+        distance_m=distance_m,
+        loss=loss,
+        took_s=[each.took_s for each in runs],
+        bar=[error for each in runs for error in each.bar],
+        foretold=[error for each in runs for error in each.foretold],
+    )
+
+
 def _scenario(distance_m: float, loss: float, seed: int) -> Scenario:
     scenario = scenario_of(2, spacing_m=distance_m, seed=seed + 1)
     return msgspec.structs.replace(scenario, loss=LossSpec(frame=loss))
@@ -320,7 +372,30 @@ class RawClient:
             self._given[counter] = self._waiting.pop()
 
 
-class EngineClient:
+class Crew:
+    """Engines on the driver, from the instant at which all of them are up.
+
+    Args:
+        scenario: The channel.
+        guess: How the modems treat burst data.
+        table: Of all engines.
+    """
+
+    def __init__(self, scenario: Scenario, guess: BurstGuess, table: StreamTable) -> None:
+        fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
+        self.sea = CrewedSea(fleet, table, self._deliver, config=EvologicsConfig())
+        """The engines, their modems and the time."""
+        self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
+
+    def _deliver(self, node: CrewNode, event: Event) -> None:
+        """Take what an engine tells its application."""
+
+    def _publish(self, source: int, stream_id: int, value: bytes) -> None:
+        node = self.sea.crew[source - 1]
+        self.sea.apply(node, lambda engine, now: engine.publish(stream_id, value, now))
+
+
+class EngineClient(Crew):
     """Two engines on the driver.
 
     Args:
@@ -340,9 +415,7 @@ class EngineClient:
         self._under_way: dict[tuple[int, bytes], set[int]] = {}
         self._has_arrived = self._has_ended = False
         self._at: dict[tuple[int, int, bytes], int] = {}
-        fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
-        self.sea = CrewedSea(fleet, _table(), self._deliver, config=EvologicsConfig())
-        self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
+        super().__init__(scenario, guess, _table())
 
     def send(self, content: bytes) -> float:
         """Publish an object; return how long it takes until the other end has it, s."""
@@ -389,10 +462,6 @@ class EngineClient:
 
         self.sea.after(first_s, publish)
 
-    def _publish(self, source: int, stream_id: int, value: bytes) -> None:
-        node = self.sea.crew[source - 1]
-        self.sea.apply(node, lambda engine, now: engine.publish(stream_id, value, now))
-
     def _deliver(self, node: CrewNode, event: Event) -> None:
         if not isinstance(event, SampleReceived):
             return
@@ -425,7 +494,49 @@ class EngineClient:
         return max((each.finished_at for each in reports if each.transmission_id in ids), default=0)
 
 
-class AlarmRun:
+class PhotoRun(EngineClient):
+    """A photo, and what its receiver's console shows of it.
+
+    Args:
+        distance_m: The distance.
+        loss: Share of the frames that are lost.
+        seed: Everything follows from it.
+    """
+
+    def __init__(self, distance_m: float, loss: float, seed: int) -> None:
+        self.bar: list[float] = []
+        self.foretold: list[float] = []
+        self._watch = LinkWatch()
+        self._shown: list[tuple[float, float, float | None]] = []
+        super().__init__(_scenario(distance_m, loss, seed), burst_guess(seed))
+        for source in (1, 2):
+            self.sea.after(5.0 * source, partial(self._publish, source, REPORT, bytes(20)))
+        self.sea.run(60.0)  # the engines introduce themselves
+        self._begun_at = self.sea.now
+        self.sea.after(_SHOWN_FROM_S, self._look)
+        self.took_s = self.send(random.Random(seed).randbytes(13_000))
+        for at_s, share, left_s in self._shown:
+            self.bar.append(share - at_s / self.took_s)
+            if left_s is not None:
+                self.foretold.append((at_s + left_s - self.took_s) / self.took_s)
+
+    def _look(self) -> None:
+        at_s = ns_to_seconds(self.sea.now - self._begun_at)
+        arriving = self._watch.arriving(at_s)
+        first = arriving[0] if arriving else None
+        share, left_s = (first.share, first.left_s) if first is not None else (None, None)
+        self._shown.append((at_s, share or 0.0, left_s))
+        self.sea.after(_SHOWN_EACH_S, self._look)
+
+    def _deliver(self, node: CrewNode, event: Event) -> None:
+        super()._deliver(node, event)
+        if isinstance(event, ObjectProgress) and event.peer == 1:
+            told = msgspec.to_builtins(event) | {"source": event.peer}
+            at_s = ns_to_seconds(self.sea.now - self._begun_at)
+            self._watch.take("objects", {"receiving": [told]}, at_s)
+
+
+class AlarmRun(Crew):
     """A large sample from node 1 to node 2, and alarms of node 3.
 
     Args:
@@ -447,10 +558,7 @@ class AlarmRun:
         scenario = msgspec.structs.replace(
             scenario, nodes=(*scenario.nodes[:2], far), loss=LossSpec(frame=loss)
         )
-        guess = burst_guess(seed)
-        fleet = EmulatedFleet(scenario, behaviour=guess.behaviour, settings=guess.settings)
-        self.sea = CrewedSea(fleet, _table(end), self._deliver, config=EvologicsConfig())
-        self.sea.until(lambda: all(node.is_up for node in self.sea.crew))
+        super().__init__(scenario, burst_guess(seed), _table(end))
         for address in (1, 2, 3):
             self.sea.after(10.0 * address, partial(self._publish, address, REPORT, b"here"))
         self.sea.run(90.0)
@@ -467,10 +575,6 @@ class AlarmRun:
         self._at[value] = self.sea.now
         self._publish(3, ALARM, value)
         self.sea.after(self._rng.uniform(20.0, 60.0), self._alarm)
-
-    def _publish(self, source: int, stream_id: int, value: bytes) -> None:
-        node = self.sea.crew[source - 1]
-        self.sea.apply(node, lambda engine, now: engine.publish(stream_id, value, now))
 
     def _deliver(self, node: CrewNode, event: Event) -> None:
         if not isinstance(event, SampleReceived):

@@ -83,8 +83,6 @@ class AtDialogue:
         self._due_at: int | None = None
         self._waiting: Sending | None = None
         """An urgent frame that waits for the end of another one, or one that it has overtaken."""
-        self._starts_at: int | None = None
-        """When the frame begins that burst data have made way for, ns; None: it has."""
 
     @property
     def detail(self) -> str:
@@ -142,8 +140,6 @@ class AtDialogue:
             self._handle_answer(answer, now)
         if self._startup is not None:
             self._run(self._startup.handle_timeout, now)
-        if self._starts_at is not None:
-            self._start(now)
         if self._sending is not None:
             self._sending.handle_timeout(now)
             self._collect(now)
@@ -175,7 +171,7 @@ class AtDialogue:
         else:
             sending = Sending(transmission, carriage, self._channel, self._session, now)
             if transmission.is_urgent:
-                self._starts_at = self._bursts.make_way(now)
+                self._bursts.make_way(now)
             elif carriage.service is not Carried.PIGGYBACK:
                 self._bursts.hold()
             if self._sending is not None and self._sending.phase is not Phase.PAUSING:
@@ -211,7 +207,7 @@ class AtDialogue:
     def poll_timeout(self) -> int | None:
         """Return when to call `handle_timeout`, ns; None: not before another input."""
         instants = [self._due_at, self._channel.due_at, self._reception.due_at, self._flush_at()]
-        instants += [self._bursts.due_at, self._starts_at]
+        instants.append(self._bursts.due_at)
         instants += [each.due_at for each in (self._startup, self._sending) if each is not None]
         return min((instant for instant in instants if instant is not None), default=None)
 
@@ -356,12 +352,10 @@ class AtDialogue:
         return self._session.has_bulk and transmission.is_urgent and self._waiting is None
 
     def _start(self, now: int) -> None:
-        """Begin with the frame, unless it has begun, or the receiver of burst data is deaf yet."""
-        if self._starts_at is not None and now < self._starts_at:
-            return
-        self._starts_at = None
-        if self._sending is not None and not self._sending.has_begun:
-            self._sending.start(now)
+        """Begin with the frame, unless it has begun, or burst data have to make way before."""
+        sending = self._sending
+        if sending is not None and not sending.has_begun and not self._bursts.keeps_back:
+            sending.start(now)
 
     def _collect_bursts(self, now: int) -> None:
         """Report the burst data that have ended."""
@@ -370,6 +364,7 @@ class AtDialogue:
         if self._bursts.must_check:
             self._bursts.must_check = False
             self._inquiries.check(now)
+        self._start(now)
 
     def _give_up(self, reason: str, now: int, *, hint: str = "", is_hopeless: bool = False) -> None:
         """Give the connection up; reopen it at once, or later if that would not help."""
@@ -395,7 +390,7 @@ class AtDialogue:
 
     def _clear(self, now: int) -> None:
         """End the work of the state, and its timers."""
-        self._due_at = self._starts_at = None
+        self._due_at = None
         self._startup = self._sending = self._waiting = None
         self._channel.reset()
         self._inquiries.forget()

@@ -16,10 +16,12 @@ While a message waits for the modem, no frames are given: some modems may send i
 burst data any more. An urgent message does not wait behind burst data: the modem drops those
 (`ATZ1`), they are reported ABORTED, and the next frames are given when the message has gone. A
 train on the air ends first, and its receiver, which then acknowledges it, hears nothing for a
-moment. Having made way, they stay for a while or until one of theirs has arrived.
+moment. They are dropped after that moment, or when the acknowledgement begins to arrive: without
+burst data, a message that the modem has already would go at once, and nobody would hear it.
 
-Trains are kept to `TRAIN_LIMIT_S` by the number of packets in them (`AT!ZC`): who has something to
-say to this node, or to the one that receives the data, waits for the end of a train.
+Having made way, they stay for a while or until one of theirs has arrived: urgent messages in a row
+would leave nothing else. Until then the modem gets no more of them than go in one train, so that
+the next urgent message waits for that one only; if it does not arrive in time, they make way again.
 
 A modem that reports none of its frames for long may have been restarted. The driver asks it; it
 also drops all of them after `BURST_LIMIT_S` without any report.
@@ -41,6 +43,7 @@ from zacoustic_evologics.at.notifications import (
     Notification,
     RecvEnd,
     RecvFailed,
+    RecvStart,
     SendStart,
     Status,
 )
@@ -49,17 +52,11 @@ from zacoustic_evologics.driver.channel import Answer, CommandChannel
 from zacoustic_evologics.driver.sending.answers import said
 from zacoustic_evologics.driver.sending.service import Remedy, remedy_command, remedy_for
 from zacoustic_evologics.driver.sending.times import BURST_LIMIT_S, BUSY_PAUSE_S
+from zacoustic_evologics.driver.sending.trains import Trains
 from zacoustic_evologics.driver.session.session import ModemSession
 
 MOST_OUTSTANDING: Final = 32
 """Frames that the driver takes; those for which the modem's buffer has no room wait here."""
-TRAIN_LIMIT_S: Final = 4.1
-"""The longest train of packets that the driver asks for, s; each has at least one packet."""
-_MOST_PACKETS: Final = 10
-"""The most packets in a train: more are for modems that do not move."""
-_ACKNOWLEDGING_S: Final = 0.8
-"""After the end of a train its receiver turns round and acknowledges, s: 0.25, and up to half a
-second more with a piggyback message."""
 _STAY_S: Final = 12.0
 """After burst data have made way they stay for so long, s: about two trains."""
 _STIRRING: Final = (Delivered, Failed, Status, RecvEnd, RecvFailed)
@@ -114,11 +111,14 @@ class Bursts:
         self._has_cleared = False
         self._is_held = False
         self._makes_way = False
+        self._way_from: int | None = None
+        """From when on the modem is to drop them for an urgent message, ns; None: none waits."""
         self._stays_until = 0
-        """They make way no more until then, ns, or until one of them has arrived: urgent messages
-        in a row would leave nothing else."""
+        """They make way no more until then, ns, or until one of them has arrived."""
+        self._is_staying = False
+        """Whether that message came before that: it does not wait for the drop."""
+        self._trains = Trains()
         self._cluster: int | None = None
-        self._sounds_until = 0
         self._reports: list[TransmitReport] = []
 
     def __len__(self) -> int:
@@ -150,25 +150,26 @@ class Bursts:
         """Give the modem no more frames: a message waits that it may send last of all."""
         self._is_held = True
 
-    def make_way(self, now: int) -> int:
-        """Let the modem drop the frames that it has, for a message that does not wait.
+    @property
+    def keeps_back(self) -> bool:
+        """Whether the message that they make way for is not to be given to the modem yet."""
+        return self._way_from is not None and not self._is_staying
 
-        Returns:
-            The instant from which the receiver of those frames can hear the message, ns.
-        """
+    def make_way(self, now: int) -> None:
+        """Let the modem drop the frames that it has, for a message that does not wait."""
         self.hold()
-        is_empty = not self._given and self._step is not _Step.GIVING
-        if is_empty or now < self._stays_until:
-            return now
-        self._makes_way = True
-        self._stays_until = now + seconds_to_ns(_STAY_S)
-        self._channel.ask(_DROP_BURSTS, now)
-        return max(now, self._sounds_until + seconds_to_ns(_ACKNOWLEDGING_S))
+        if self._is_empty:
+            return
+        self._is_staying = now < self._stays_until
+        self._way_from = max(now, self._stays_until)
+        self._drop_if_due(self._trains.is_answered_at, now)
+        self._arm(now)
 
     def go_on(self, now: int) -> None:
         """Give frames again: that message has gone."""
         if self._is_held:
             self._is_held = self._makes_way = False
+            self._way_from = None
             self._go_on(now)
 
     def handle_answer(self, answer: Answer, now: int) -> None:
@@ -206,20 +207,27 @@ class Bursts:
         if isinstance(record, Delivered | Failed):
             self._end_given(record, now)
         elif isinstance(record, SendStart):
-            self._sounds_until = now + 1000 * (record.delay_us + record.duration_us)
+            receivers = {to for _, to in self._given}
+            is_to_receiver = record.destination in receivers
+            self._trains.begins(record, now, is_to_receiver=is_to_receiver)
+            self._limit_trains(now)
+        elif isinstance(record, RecvStart):
+            self._drop_if_due(self._trains.sounds_until, now)  # else the next train would follow
         elif isinstance(record, BitRate) and record.direction is Direction.LOCAL:
-            self._limit_trains(record.bit_rate_bps, now)
+            self._trains.use_rate(record.bit_rate_bps)
+            self._limit_trains(now)
         if isinstance(record, _STIRRING) and len(self):
             self._stirred_at = now
             if self._step is _Step.PAUSING:
                 self._step = _Step.IDLE
                 self._go_on(now)
-        self._arm(now)
+        self._go_on(now)
 
     def handle_timeout(self, now: int) -> None:
         """Handle the end of a pause, and the modem's silence."""
         if self.due_at is None or now < self.due_at:
             return
+        self._drop_if_due(self._trains.is_answered_at, now)
         silent_ns = now - self._stirred_at
         if self._given and silent_ns >= seconds_to_ns(BURST_LIMIT_S):
             self._channel.ask(_DROP_BURSTS, now)
@@ -233,9 +241,7 @@ class Bursts:
                 waited = f"{self._refusal}, {self._session.config.busy_s:g} s long"
                 self._stirred_at = now
                 self._end_first(TransmitOutcome.REJECTED, waited, now)
-            else:
-                self._go_on(now)
-        self._arm(now)
+        self._go_on(now)
 
     def handle_lost(self, reason: str, now: int) -> None:
         """Handle the loss of the connection or the modem: report everything."""
@@ -244,7 +250,7 @@ class Bursts:
             self._report(self._waiting.popleft(), TransmitOutcome.ABORTED, reason, now)
         self._step = _Step.IDLE
         self._is_held = self._makes_way = False
-        self._cluster = self.ticket = self.due_at = None
+        self._cluster = self.ticket = self.due_at = self._way_from = None
 
     def poll_report(self) -> TransmitReport | None:
         """Return the next report."""
@@ -253,16 +259,41 @@ class Bursts:
     # Below the methods above
 
     def _go_on(self, now: int) -> None:
-        if self._step is _Step.IDLE and self._waiting and not self._is_held:
+        if self._step is _Step.IDLE and self._waiting and not self._is_held and self._has_room(now):
             self._step = _Step.COUNTING
             self.ticket = self._channel.ask(Query("PC"), now)
         self._arm(now)
 
-    def _limit_trains(self, bit_rate_bps: int, now: int) -> None:
-        """Ask for trains of as many packets as take `TRAIN_LIMIT_S` at a bit rate."""
-        packets = int(TRAIN_LIMIT_S * bit_rate_bps / (8 * BURST_LIMIT_BYTES))
-        cluster = max(1, min(_MOST_PACKETS, packets))
-        if len(self) and cluster != self._cluster:
+    @property
+    def _is_empty(self) -> bool:
+        """Whether the modem has none."""
+        return not self._given and self._step is not _Step.GIVING
+
+    def _has_room(self, now: int) -> bool:
+        """Return whether the modem may have one more: just one train after they have made way."""
+        return now >= self._stays_until or len(self._given) < (self._cluster or 1)
+
+    def _drop_if_due(self, heard_from: int, now: int) -> None:
+        """Let the modem drop what it has for an urgent message that waits.
+
+        Args:
+            heard_from: When the receiver of the last train hears again, ns.
+            now: The instant.
+        """
+        if self._way_from is None or now < max(self._way_from, heard_from):
+            return
+        self._way_from = None
+        if self._is_empty:
+            return
+        self._makes_way = True
+        self._stays_until = now + seconds_to_ns(_STAY_S)
+        self._trains.is_dropped()
+        self._channel.ask(_DROP_BURSTS, now)
+
+    def _limit_trains(self, now: int) -> None:
+        """Ask for trains of as many packets as they should have."""
+        cluster = self._trains.packets
+        if len(self) and cluster is not None and cluster != self._cluster:
             self._cluster = cluster
             self._channel.ask(Set("ZC", cluster), now)
 
@@ -315,8 +346,12 @@ class Bursts:
             instants.append(self._paused_until)
         if self._given:
             instants.append(self._stirred_at + seconds_to_ns(BURST_LIMIT_S))
+        if self._way_from is not None:
+            instants.append(max(self._way_from, self._trains.is_answered_at))
+        if self._waiting and not self._is_held and not self._has_room(now):
+            instants.append(self._stays_until)
         self.due_at = min(instants, default=None)
-        self._session.has_bursts = bool(self._given)
+        self._session.note_own_bursts(has_bursts=bool(self._given), now=now)
 
     def _end_given(self, record: Delivered | Failed, now: int) -> None:
         key = (record.counter, record.destination)
@@ -331,7 +366,9 @@ class Bursts:
             return
         is_there = isinstance(record, Delivered)
         if is_there:
+            self._trains.is_delivered()
             self._stays_until = 0
+            self._way_from = None if self._way_from is None or self._is_empty else now
         if self._makes_way and not is_there:
             self._report(burst, TransmitOutcome.ABORTED, "it made way for a message", now)
             return
@@ -347,7 +384,7 @@ class Bursts:
         given, self._given = self._given, {}
         for burst in given.values():
             self._report(burst, TransmitOutcome.ABORTED, reason, now)
-        self._session.has_bursts = False
+        self._session.note_own_bursts(has_bursts=False, now=now)
 
     def _report(self, burst: _Burst, outcome: TransmitOutcome, detail: str, now: int) -> None:
         self._reports.append(

@@ -303,8 +303,17 @@ class Sending:
             self.due_at = self._first_poll_at(now)
 
     def _later(self, limit_at: int) -> int:
-        """Return a limit as it is while the modem may send burst data before this frame, ns."""
-        return limit_at + seconds_to_ns(BURSTS_BUSY_S) * self._session.has_bursts
+        """Return a limit as it is because of burst data that the modem sends before this frame, ns.
+
+        Once it has none any more, the frame has as much time as it has without any.
+        """
+        latest_at = limit_at + seconds_to_ns(BURSTS_BUSY_S)
+        if self._session.has_bursts:
+            return latest_at
+        had_until = self._session.had_bursts_until
+        if had_until is None:
+            return limit_at
+        return min(latest_at, max(limit_at, had_until + self._times.limit_ns))
 
     def _first_poll_at(self, now: int) -> int:
         given_at, ends_at = self._evidence.given_at, self._evidence.ends_at

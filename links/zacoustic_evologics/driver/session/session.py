@@ -112,6 +112,8 @@ class ModemSession:
         """The modem may hold a piggyback message."""
         self.has_bursts = False
         """The modem has burst data of the bulk service."""
+        self.had_bursts_until: int | None = None
+        """When it had some last, if it has none, ns; None: it never had."""
         self.may_fill = True
         """The probe may use its filler: it has not, since the modem last answered."""
         self.counts: dict[str, int] = {}
@@ -182,6 +184,12 @@ class ModemSession:
     def note_burst(self, address: int, now: int) -> None:
         """Note that burst data of another one have come: its modem probably has more."""
         self._bursts_from = address, now + seconds_to_ns(BURSTS_GO_ON_S)
+
+    def note_own_bursts(self, *, has_bursts: bool, now: int) -> None:
+        """Note whether the modem has burst data of the bulk service."""
+        if self.has_bursts and not has_bursts:
+            self.had_bursts_until = now
+        self.has_bursts = has_bursts
 
     def is_receiving_bursts(self, address: int, now: int) -> bool:
         """Tell whether another one is sending burst data, each train of which is acknowledged."""

@@ -155,6 +155,56 @@ def test_urgent_message_overtakes_burst_data_and_a_message_that_waits_for_them(s
     assert sea[1].reports[0].outcome is TransmitOutcome.DELIVERED
 
 
+@pytest.mark.parametrize("at_s", [2.0, 2.5, 3.0, 3.5, 4.0])
+def test_message_that_the_modem_has_is_heard_when_burst_data_make_way(at_s: float) -> None:
+    """Without burst data it goes at once: the receiver of the last train must hear again."""
+    sea = sea_of(behaviour=Behaviour(im_in_train="queued", train_s=4.0))
+    for number in range(30):
+        give(sea, number)
+    sea.run(at_s)
+    plain = sea.transmit(1, b"position")
+    sea.run(0.3)
+    urgent = shout(sea, b"abort")
+    sea.until(lambda: {plain, urgent} <= reports(sea).keys())
+    sea.run(1.0)
+    heard = [each.frame_bytes for each in sea[2].frames if each.service is not Service.BULK]
+    assert heard == [b"position", b"abort"]
+
+
+def test_message_has_its_own_time_once_the_burst_data_have_gone() -> None:
+    sea = sea_of(behaviour=Behaviour(im_in_train="queued", train_s=0.75))
+    for number in range(30):
+        give(sea, number)
+    sea.run(2.0)
+    plain = sea.transmit(1, b"position")
+    given_at = sea.now
+    sea.until(lambda: plain in reports(sea))
+    assert sea.now - given_at > 15_000_000_000
+    assert reports(sea)[plain].outcome is TransmitOutcome.SENT
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_second_urgent_message_waits_for_one_more_train(seed: int) -> None:
+    guess = burst_guess(seed)
+    sea = sea_of(behaviour=guess.behaviour, settings=guess.settings)
+    for number in range(20):
+        give(sea, number)
+    rng = random.Random(seed)
+    sea.run(rng.uniform(1.0, 6.0))
+    first = shout(sea, b"abort")
+    sea.until(lambda: first in reports(sea))
+    for number in range(20, 32):
+        give(sea, number)
+    sea.run(rng.uniform(0.5, 4.0))
+    given_at = sea.now
+    second = shout(sea, b"again")
+    sea.until(lambda: second in reports(sea))
+    sea.run(1.0)
+    heard = {each.frame_bytes: each.received_at for each in sea[2].frames}
+    assert (heard[b"again"] - given_at) / 1e9 < 7.0
+    sea.until(lambda: len(reports(sea)) == 34, limit_s=400.0)
+
+
 def test_only_one_urgent_message_overtakes() -> None:
     sea = sea_of()
     for number in range(12):
@@ -177,6 +227,22 @@ def test_trains_are_as_long_as_others_can_wait(rate_bps: int, packets: int) -> N
     # The first train begins as the modem tells the bit rate.
     arrived = [each.received_at for each in sea[2].frames if each.service is Service.BULK][10:]
     assert max(Counter(arrived).values()) == packets
+
+
+def test_trains_are_longer_where_many_are_lost_and_short_again_when_none_are() -> None:
+    behaviour = Behaviour(burst_rates_bps=((-1000.0, 9200),), train_s=7.5)
+    longest = []
+    for loss in (0.0, 0.3):
+        sea = sea_of(lossy(loss, back=loss, seed=3), behaviour=behaviour, settings={"RC": 5})
+        for _ in range(4):
+            sea[1].reports.clear()
+            for number in range(30):
+                give(sea, number)
+            sea.until(lambda: len(sea[1].reports) == 30, limit_s=2000.0)  # noqa: B023
+        bulk = [each.received_at for each in sea[2].frames if each.service is Service.BULK]
+        longest.append(max(Counter(bulk[30:]).values()))
+    assert longest[0] == 4
+    assert 6 <= longest[1] <= 8
 
 
 @pytest.mark.parametrize("fate", ["taken", "queued", "refused"])

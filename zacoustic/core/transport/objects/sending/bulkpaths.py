@@ -9,6 +9,9 @@ from zacoustic.core.base.linktypes import ONE_LINK
 
 _PATIENCE: Final = 3
 """So many attempts in a row are in vain at a node that is heard: its bulk service does not work."""
+_PATIENCE_PROVEN: Final = 8
+"""The same for a node that bulk data have reached: with four of ten frames lost, a device that
+repeats a frame twice fails three times in a row again and again, and no other service does more."""
 _PATIENCE_UNHEARD: Final = 12
 """The same for a node that is not heard: it may be out of range, for this and every service."""
 _OFF_NS: Final = 600 * NS_PER_S
@@ -39,6 +42,7 @@ class _Path:
     """The bulk service on the way to one node."""
 
     def __init__(self) -> None:
+        self.is_proven = False
         self.failures = 0
         self.failed_since = 0
         self.off_until = 0
@@ -62,9 +66,8 @@ class BulkPaths:
 
     def works(self, address: int) -> bool:
         """Record that something got through; return whether that is news."""
-        path = self._paths.get(address)
-        if path is None:
-            return False
+        path = self._paths.setdefault(address, _Path())
+        path.is_proven = True
         was_off = bool(path.spells)
         path.spells = path.failures = path.off_until = 0
         return was_off
@@ -81,10 +84,13 @@ class BulkPaths:
         if not path.failures:
             path.failed_since = now
         path.failures += 1
-        is_heard = heard_at >= path.failed_since
-        if path.failures < (_PATIENCE if is_heard else _PATIENCE_UNHEARD):
+        patience = _PATIENCE_UNHEARD
+        if heard_at >= path.failed_since:
+            patience = _PATIENCE_PROVEN if path.is_proven else _PATIENCE
+        if path.failures < patience:
             return False
         path.failures = 0
+        path.is_proven = False
         path.off_until = now + (_OFF_NS << min(path.spells, _MOST_OFF_DOUBLINGS))
         path.spells += 1
         return True
