@@ -247,7 +247,7 @@ WIDE: Final = 1 << 42
 
 
 def _scales() -> dict[str, Any]:
-    """A model that predicts far too much: the log scale exceeds 32768."""
+    """A model that predicts far too much. From 2^20 steps on reciprocals are 0: no scale grows."""
     spec = type_of("Wide", number("far", 0, WIDE, 1.0))
     prior = plain_prior(spec)
     model = Model(
@@ -264,11 +264,11 @@ def _scales() -> dict[str, Any]:
     scene = Scene({STREAM: spec}, model)
     base = 1 << 41
     with mode(AGAINST):
-        scene.chain([{"far": float(base + n * (1 << 25))} for n in range(6)])
-    return scene.told("log scales above 32768")
+        scene.chain([{"far": float(base + n * (1 << 25) + n * n * 99999)} for n in range(8)])
+    return scene.told("log scales of 32768, whose reciprocal is 0")
 
 
-def _steady() -> dict[str, Any]:
+def _far() -> dict[str, Any]:
     scene = Scene({STREAM: type_of("Ramp", number("n", 0, 2000, 1.0), number("m", 0, 39, 1.0))})
     ramp = [{"n": float(n), "m": float(n % 40)} for n in range(36)]
     last = scene.chain(ramp)
@@ -277,7 +277,7 @@ def _steady() -> dict[str, Any]:
         last = scene.chain(jumps, last=last)
     still: list[Value] = [{"n": 7.0, "m": 7.0}] * 9
     scene.chain([*still, {"n": 8.0, "m": 7.0}, {"n": 0.0, "m": 39.0}], last=last)
-    return scene.told("log scales of 0, and numbers far from their prediction")
+    return scene.told("numbers far from their prediction, on both sides")
 
 
 def _broken() -> list[dict[str, Any]]:
@@ -398,7 +398,7 @@ def scenes() -> list[dict[str, Any]]:
         _kept(),
         _long_texts(),
         _scales(),
-        _steady(),
+        _far(),
         *_broken(),
         _strides(),
         *_courses(),

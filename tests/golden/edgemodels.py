@@ -82,9 +82,9 @@ def _learnt() -> dict[str, Any]:
     with mode(AGAINST):
         scene.chain(values, (1, 1, 12, 7, 3, 2, 16, 5, 1, 9, 4, 3, 8, 30, 2))
         # Next to one learnt class only, further away only, and as near to one as to another.
-        several = (1, 1, 2, 4), (1, 1, 12, 3), (1, 1, 6, 3), (1, 1, 30, 12), (3, 3, 3, 1)
+        several = (1, 1, 1, 7, 3, 2), (1, 1, 2, 4), (1, 1, 12, 3), (1, 1, 30, 12), (3, 3, 3, 1)
         for place, steps in enumerate(several):
-            scene.chain(values[6 * place + 1 :][:4], steps)
+            scene.chain(values[7 * place + 1 :][: len(steps)], steps)
     return scene.told("classes of a model that have not been learnt")
 
 
@@ -129,7 +129,7 @@ def _habits() -> dict[str, Any]:
     model = Model(
         streams={
             "3": plain_prior(spec, present=100, more=(60000, 300)),
-            str(STREAM): plain_prior(spec, present=65535),
+            str(STREAM): plain_prior(spec, present=65535, steadiness=(260,)),
             "9": plain_prior(spec, more=(5, 6), steadiness=(65300,)),
         },
         single=65000,
@@ -139,7 +139,8 @@ def _habits() -> dict[str, Any]:
     last = scene.say([*several, (STREAM, {"on": True}, 1), (9, {"on": False}, 1)])
     for n in range(9):
         last = scene.say([(9, {"on": n > 6}, 1)], last)
-    scene.say([(STREAM, {"on": True}, 3), (3, {"on": True}, 2)], last)
+    last = scene.say([(STREAM, {"on": True}, 3), (3, {"on": True}, 2)], last)
+    scene.say([(STREAM, {"on": n % 2 == 0}, 1) for n in range(40)], last)
     return scene.told("habits and steadiness of a model, and their limits")
 
 
@@ -187,13 +188,14 @@ def _limits() -> dict[str, Any]:
     spec = type_of("Limits", number("n", 0, 300, 1.0), number("m", 0, WIDE, 1.0))
     found = {
         "0": learnt(spec, weight=0, log_scale=4096, nearer=65536, width=8190, hold=65206),
-        "1": learnt(spec, weight=0, log_scale=0, nearer=0, width=2, hold=1),
-        "2": learnt(spec, weight=0, log_scale=32768, nearer=0, width=8191, hold=65206),
+        "1": learnt(spec, weight=0, log_scale=0, nearer=0, width=2, hold=30000),
+        "2": learnt(spec, weight=0, log_scale=3000, nearer=0, width=8191, hold=65206),
+        "4": learnt(spec, weight=0, log_scale=100, nearer=0, width=2048, hold=1),
     }
     prior = plain_prior(spec, learnt=found)
     scene = Scene({STREAM: spec}, Model(streams={str(STREAM): prior}))
     with mode(AGAINST):
-        for steps in (1, 2):
+        for steps in (1, 2, 4):
             last = scene.say([(STREAM, {"n": 8.0 + steps, "m": 5e9}, 1)])
             for n in (9, 9, 9, 290, 290, 0, 0, 0, 1):
                 last = scene.say([(STREAM, {"n": float(n), "m": 5e9 + n * n}, steps)], last)

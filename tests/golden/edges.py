@@ -44,9 +44,9 @@ _PAYLOADS: Final[tuple[tuple[str, Field, Any], ...]] = (
     ("a range end in a circle", _float(0, 153.45, 0.3, wraps=True), 153.4),
     ("a multiple below the least value", _float(0.07, 1, 0.1), 0.08),
     # Steps.
-    ("a step that is no short decimal", _float(0, 1, 1 / 60000), 0.5000083),
-    ("a step that is no fraction", _float(0, 3.2, math.pi / 1800), 1.0),
-    ("a step above 2^53", _float(0, 1e20, 1e17), 4.6e18),
+    ("a step that is no short decimal", _float(0, 1, 1 / 60000), 8.4e-05),
+    ("a step that is no fraction", _float(0, 3.2, math.pi / 1800), 0.117),
+    ("a step above 2^53", _float(0, 1e25, 1e23), 3.1e23),
     # Circles.
     ("an integer outside of a circle", {"type": "int16", "range": [-180, 180], "wraps": True}, 190),
     ("a float below a circle", _float(0, 1, wraps=True), -0.25),
