@@ -64,6 +64,12 @@ _PAYLOADS: Final[tuple[tuple[str, Field, Any], ...]] = (
     ("and so below 0", {"type": "int16", "step": 10}, -25),
     ("an integer that escapes, and is no multiple", {**_TENS, "outside": "escape"}, 123),
     ("an integer that escapes, with a multiple in range", {**_TENS, "outside": "escape"}, 104),
+    (
+        "an integer that escapes to the end of its type",
+        {"type": "uint8", "range": [122, 213], "step": 71, "outside": "escape"},
+        253,
+    ),
+    ("an integer at the end of its type", {"type": "int16", "step": 64}, 32767),
     # Singles.
     ("an end of the range that is no single", {"type": "float32", "range": [0, 0.1]}, 0.1),
     (
@@ -82,6 +88,12 @@ _REFUSED: Final[tuple[tuple[str, str, str, Field], ...]] = (
     ("packed", "b80320", "an integer of the range in full width", {**_TENS, "outside": "escape"}),
     ("packed", "3dcccccf", "beyond the single of a range end", _TENTH),
     ("cbor", "fa3dcccccf", "beyond the single of a range end", _TENTH),
+    (
+        "cbor",
+        "05",
+        "a multiple beyond that of the end of the type",
+        {"type": "uint8", "range": [122, 213], "step": 71, "outside": "escape"},
+    ),
     ("cbor", "1880", "a multiple that the range end does not have", _float(0, 1.275, 0.01)),
 )
 _OCTETS: Final = (

@@ -61,17 +61,22 @@ class Grid:
     def value(self, multiple: int) -> float:
         """Return the number that a multiple of the step stands for."""
         number = multiple * self.step
-        if self.field.range is not None and self.holds(multiple):
-            low, high = self.field.range
-            if self.field.type in INTEGERS:
-                return min(max(int(number), int(low)), int(high))
-            return min(max(as_float(number, self.field), low), high)
         if self.field.type in INTEGERS:
-            low_int, high_int = INTEGERS[self.field.type]
-            if not low_int <= number <= high_int:
-                raise ReadError("outside of the type")
-            return int(number)
-        return as_float(number, self.field)
+            return self._integer(multiple, int(number))
+        value = as_float(number, self.field)
+        if self.field.range is None or not self.holds(multiple):
+            return value
+        low, high = self.field.range
+        return min(max(value, low), high)
+
+    def _integer(self, multiple: int, number: int) -> int:
+        bounds = INTEGERS[self.field.type]
+        if self.field.range is not None and self.holds(multiple):
+            bounds = int(self.field.range[0]), int(self.field.range[1])
+        least, greatest = (_nearest(self.field, self.step, bound) for bound in bounds)
+        if not least <= multiple <= greatest:
+            raise ReadError("outside of the type")
+        return min(max(number, bounds[0]), bounds[1])
 
     def multiple(self, value: float) -> int:
         """Return the nearest multiple to the value; a field that wraps folds it."""
