@@ -219,6 +219,8 @@ def _kept() -> dict[str, Any]:
     )
     texts = ["xylem 1", "xylem 1", "xylem 1", "zygote", "quartz", "jig", "vex", "fjord", "wyvern"]
     texts += ["xylem 1", "xylem 1", *(f"{n} sphinx" for n in range(8)), "xylem 2", "0 sphinx"]
+    # The same six letters at the begin and elsewhere, also with a number as one digit.
+    texts += ["xyle12A xyle34B", "xyle56A", "12ylemsA 3ylemsB", "7ylemsA"]
     values = [
         {
             "text": text,
@@ -301,6 +303,7 @@ def _strides() -> dict[str, Any]:
         "Strides",
         number("far", 0, WIDE, 1.0),
         number("near", 0, 1000, 1.0),
+        number("edge", 0, (1 << 22) - 1, 1.0),
         number("wide", -(1 << 30), 1 << 30, 1.0),
         number("turn", 0, 1 << 30, 1.0, wraps=True),
         number("maybe", 0, 1 << 25, 1.0, optional=True),
@@ -312,6 +315,7 @@ def _strides() -> dict[str, Any]:
         return {
             "far": float(5 * pace + n * pace + 3 * n + more),
             "near": float(100 + n),
+            "edge": float((n + 1) % 3),
             "wide": float((1 << 29) - n * pace),
             "turn": float((n * (1 << 28) + n) % (1 << 30)),
             "maybe": None if n % 4 == 2 else float(n * (1 << 20)),
