@@ -28,6 +28,7 @@ FROZEN: Final = {
     "conversations/sealed.json": "2af87069b34fecf1",
     "conversations/tables.json": "005577cdf9c61e8e",
     "dense_frames.json": "4a50825a36bc486c",
+    "edges.json": "bb4fb1c48c1dc398",
     "objects.json": "fd68d9f916c323e4",
     "payload_cbor.json": "b7780589e3a66b89",
     "payload_packed.json": "00edb60f01e0b27e",

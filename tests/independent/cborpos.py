@@ -99,6 +99,8 @@ def _number(field: Field, cursor: Cursor) -> float:
     is_float = head is not None and head >> 5 == _SIMPLE
     if grid is None or (is_float and field.escapes and field.type not in INTEGERS):
         value = _float(cursor, field)
+        if grid is None:
+            value = numbers.bounded(field, value)
         if grid is None and not field.escapes and not numbers.in_range(field, value):
             raise ReadError("outside of the range")
         if grid is not None and numbers.in_range(field, value):
@@ -217,6 +219,7 @@ def _written_number(field: Field, value: float) -> bytes:
     if grid is None:
         value = numbers.fold(field, value)
         return _float_item(numbers.single(value) if field.type == "float32" else value)
+    value = numbers.escaped(field, value)
     outside = not grid.takes(value)
     if outside and not field.escapes:
         raise ReadError("outside of the range")

@@ -1,7 +1,7 @@
 """Steps, ranges and floats of fields, for both codecs (section 7). Written from docs/wire.md alone.
 
 A multiple beyond the range stands for the end of it. Ties go to the even one; of an integer field,
-to the greater.
+to the greater. The multiple of a float is computed in doubles.
 """
 
 import math
@@ -14,11 +14,19 @@ from tests.independent.table import INTEGERS, Field
 
 _FREE = 1 << 50
 """The greatest multiple of a number without a range."""
+_DOUBLE = 1 << 53
+_SHORT = 10_000_000
 
 
-def exact(value: float) -> Fraction:
-    """Return the number as it is written in decimal digits."""
-    return Fraction(str(value))
+def step_of(field: Field) -> Fraction:
+    """Return the step as a fraction; as the double that it is, if it is none of small numbers."""
+    if field.step is None:
+        return Fraction(1)
+    step = Fraction(repr(field.step))
+    if step.denominator > _DOUBLE:
+        short = Fraction(field.step).limit_denominator(_SHORT)
+        step = short if float(short) == field.step else step
+    return step if max(step.numerator, step.denominator) <= _DOUBLE else Fraction(field.step)
 
 
 @dataclass(frozen=True)
@@ -53,19 +61,26 @@ class Grid:
     def value(self, multiple: int) -> float:
         """Return the number that a multiple of the step stands for."""
         number = multiple * self.step
-        if self.field.range is not None and self.holds(multiple):
-            low, high = (exact(bound) for bound in self.field.range)
-            number = min(max(number, low), high)
         if self.field.type in INTEGERS:
-            low_int, high_int = INTEGERS[self.field.type]
-            if not low_int <= number <= high_int:
-                raise ReadError("outside of the type")
-            return int(number)
-        return as_float(number, self.field)
+            return self._integer(multiple, int(number))
+        value = as_float(number, self.field)
+        if self.field.range is None or not self.holds(multiple):
+            return value
+        low, high = self.field.range
+        return min(max(value, low), high)
+
+    def _integer(self, multiple: int, number: int) -> int:
+        bounds = INTEGERS[self.field.type]
+        if self.field.range is not None and self.holds(multiple):
+            bounds = int(self.field.range[0]), int(self.field.range[1])
+        least, greatest = (_nearest(self.field, self.step, bound) for bound in bounds)
+        if not least <= multiple <= greatest:
+            raise ReadError("outside of the type")
+        return min(max(number, bounds[0]), bounds[1])
 
     def multiple(self, value: float) -> int:
         """Return the nearest multiple to the value; a field that wraps folds it."""
-        nearest = _nearest(self.field, exact(value) / self.step)
+        nearest = _nearest(self.field, self.step, fold(self.field, value))
         if self.field.wraps:
             return (nearest - self.least) % self.count + self.least
         return nearest
@@ -76,20 +91,28 @@ def grid(field: Field) -> Grid | None:
     whole = field.type in INTEGERS
     if not whole and field.step is None:
         return None
-    step = exact(field.step) if field.step is not None else Fraction(1)
+    step = step_of(field)
     bounds: tuple[float, float] | None = field.range
     if bounds is None and whole:
         bounds = INTEGERS[field.type]
     if bounds is None:
         return Grid(field, step, -_FREE, _FREE)
-    least, greatest = (_nearest(field, exact(bound) / step) for bound in bounds)
-    if field.wraps and greatest * step >= exact(bounds[1]):
+    least, greatest = (_nearest(field, step, bound) for bound in bounds)
+    if field.wraps and _product(field, step, greatest) >= bounds[1]:
         greatest -= 1
     return Grid(field, step, least, greatest)
 
 
-def _nearest(field: Field, quotient: Fraction) -> int:
-    return math.floor(quotient + Fraction(1, 2)) if field.type in INTEGERS else round(quotient)
+def _nearest(field: Field, step: Fraction, value: float) -> int:
+    if field.type in INTEGERS:
+        return math.floor(Fraction(value) / step + Fraction(1, 2))
+    if max(step.numerator, step.denominator) > _DOUBLE:
+        return round(value / float(step))
+    return round(value * float(step.denominator) / float(step.numerator))
+
+
+def _product(field: Field, step: Fraction, multiple: int) -> float | Fraction:
+    return multiple * step if field.type in INTEGERS else as_float(multiple * step, field)
 
 
 def as_float(number: Fraction, field: Field) -> float:
@@ -102,6 +125,16 @@ def as_float(number: Fraction, field: Field) -> float:
     return value
 
 
+def bounded(field: Field, value: float) -> float:
+    """Return a received float without a step: an end of the range, if it is the single of one."""
+    if field.range is None or field.escapes or field.type != "float32":
+        return value
+    low, high = field.range
+    if not single(low) <= value <= single(high) or (field.wraps and value >= high):
+        raise ReadError("outside of the range")
+    return min(max(value, low), high)
+
+
 def in_range(field: Field, value: float) -> bool:
     """Tell whether a number lies in the range of its field."""
     if field.range is None:
@@ -111,11 +144,20 @@ def in_range(field: Field, value: float) -> bool:
 
 
 def fold(field: Field, value: float) -> float:
-    """Fold a float without a step into its range, if the field wraps."""
+    """Fold a number into its range, if the field wraps."""
     if field.range is None or not field.wraps or not math.isfinite(value):
         return value
     low, high = field.range
-    return low + (value - low) % (high - low)
+    folded = value if low <= value < high else low + (value - low) % (high - low)
+    is_single = field.type == "float32" and field.step is None
+    return low if (single(folded) if is_single else folded) >= high else folded
+
+
+def escaped(field: Field, value: float) -> float:
+    """Return a number as it escapes: of a single, the nearest one."""
+    if not field.escapes or field.type != "float32" or in_range(field, value):
+        return value
+    return single(value)
 
 
 def pack(form: str, value: float) -> bytes | None:

@@ -142,7 +142,7 @@ def _one(types: Types, field: Field, bits: Bits) -> Any:
 def _number(field: Field, bits: Bits) -> float:
     grid = numbers.grid(field)
     if grid is None:
-        value = _float(field, bits)
+        value = numbers.bounded(field, _float(field, bits))
         if not field.escapes and not numbers.in_range(field, value):
             raise ReadError("outside of the range")
         return value
@@ -271,6 +271,7 @@ def _put_number(field: Field, value: float, writer: BitOutput) -> None:
             raise ReadError("no number")
         _put_signed(grid.multiple(value), writer)
         return
+    value = numbers.escaped(field, value)
     if grid.takes(value):
         index = grid.multiple(value) - grid.least
         writer.put(index, width(grid.count + field.escapes))
