@@ -1,10 +1,8 @@
 """A vector that has changed is a changed wire: this test fails first.
 
-`FROZEN` has the SHA-256 of each file of vectors. Until the first release, version 2 is a draft: if
-a change is meant, say in CHANGELOG.md what of the wire it changes, and put the new digest here, in
-the same commit. From the first release on (section 20 of docs/wire.md) no file changes: new vectors
-of version 2 go into new files, and anything else is version 3, with files of its own.
-`python -m tests.golden.test_frozen` prints the digests as they are now.
+Version 2 is frozen (section 20 of docs/wire.md). `FROZEN` has the SHA-256 of each file of vectors:
+no file changes any more. New vectors of version 2 go into new files; anything else is version 3,
+with files of its own. `python -m tests.golden.test_frozen` prints the digests as they are now.
 """
 
 import hashlib
