@@ -39,6 +39,8 @@ class Pacers(PerPeer[Pacer]):
         """Emitted when something may go to a node sooner than its pacer said before."""
         self.released = Signal[int, int]()
         """``(address, now)``: everything that waits for a node is due."""
+        self.hole_begins = Signal[int]()
+        """``(now)``: the ends of other nodes' bulk service can be reached for a moment."""
         self._introduce = introduce
         self._heard_at = PerPeer(peers, int)
         self.anybody_heard_at = -1

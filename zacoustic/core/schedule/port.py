@@ -35,12 +35,14 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.parts import Part
+from zacoustic.core.base.signals import Signal
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.access import Listening, MediumAccess, Wanted, choose
 from zacoustic.core.schedule.access.base import Arrival
 from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.schedule.bulkwindow import BulkWindow
+from zacoustic.core.schedule.othertrains import OtherTrains
 from zacoustic.core.wire.access import ANYBODY, AccessControl, Turn
 from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
 from zacoustic.core.wire.objects import ListenHint
@@ -110,7 +112,12 @@ class LinkPort:
         """Instant until which a frame may start in that node's present pause, ns."""
         self._bulk_heard = (0, 0)
         """That node, unless it pauses, and when its last frame came, ns."""
+        self._bulk_asks = 0
+        """The node that awaits an answer to what it has sent; 0: none does."""
         self._asked_for_pause_at: int | None = None
+        self.hole_begins = Signal[int]()
+        """``(now)``: both ends of other nodes' bulk service can be reached for a moment."""
+        self._trains = OtherTrains(capabilities)
         self._gap_until = 0
         self._last_frame: dict[int, tuple[bytes, int]] = {}
 
@@ -354,6 +361,10 @@ class LinkPort:
 
     def handle_call(self, source: int, call: ListenHint, frame: ReceivedFrame, now: int) -> None:
         """Learn from a fragment of `source` when it will listen."""
+        if call is ListenHint.ANSWER:
+            self._bulk_asks = source if frame.service is Service.BULK else 0
+            if source == self._bulk_heard[0]:
+                self._bulk_run_until = 0
         if frame.service is Service.BULK:
             goes_on = call is not ListenHint.ANSWER
             self._bulk_run_until = now + _BULK_RUN_NS if goes_on else 0
@@ -370,16 +381,31 @@ class LinkPort:
         else:
             self.listening.heard_listening(source, listens=call is not ListenHint.NONE, now=now)
 
+    def bulk_goes_on(self, source: int, now: int) -> None:
+        """Record an answer to a node that has sent this one much data, but not yet all of it.
+
+        Its next train follows as soon as it has the answer: the channel is not free.
+        """
+        if source == self._bulk_asks:
+            self._bulk_asks = 0
+            self._bulk_run_until = now + _BULK_RUN_NS
+            self._bulk_heard = source, self._bulk_heard[1]
+
     def handle_carrier(self, busy: bool, now: int) -> None:
         """Record the begin or end of another node's transmission."""
         self.access.handle_carrier(busy, now)
         self.listening.handle_carrier(busy, now)
+        # An end of the trains has its own ways: between them, or with an acknowledgement.
+        is_hole = self.bulk is not None and self._trains.begins_hole(busy, now)
+        if is_hole and not self.bulk and now >= self._bulk_run_until:
+            self.hole_begins(now)
 
     def heard(
         self, source: int, size_bytes: int, now: int, service: Service = Service.PLAIN
     ) -> None:
         """Record a frame from `source`, for this node or another one."""
         self.access.handle_heard(source, now)
+        self._trains.heard(now)
         if service is Service.PLAIN:
             self.listening.heard_frame(source, self.capabilities.airtime_ns(size_bytes), now)
 

@@ -322,6 +322,7 @@ class Protocols(Profile):
         times = LinkTimes(capabilities, port.listening if has_pauses else None)
         settling_ns = max(SETTLING_UNITS * unit_ns(capabilities), self._context.settling_ns)
         self._context.pacers.times = times
+        port.hole_begins.connect(self._context.pacers.hole_begins)
         self.topics.use_link(times, settling_ns)
         self.services.use_link(times, settling_ns)
         self.subscriptions.use_link(times)
@@ -338,6 +339,7 @@ class Protocols(Profile):
             now,
             bulk_bytes=bulk_bytes,
             hears_meanwhile=port.rides_back and len(self._context.table.nodes) == 2,
+            lacks=port.bulk_goes_on,
         )
         oversized = self.queue.limit(room_bytes - (seal.overhead_bytes or TAG_BYTES))
         self.topics.sending.dropped(oversized, now)

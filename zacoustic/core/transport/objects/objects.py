@@ -110,6 +110,7 @@ class Objects:
         *,
         bulk_bytes: int = 0,
         hears_meanwhile: bool = False,
+        lacks: Callable[[int, int], None] | None = None,
     ) -> None:
         """Derive the durations from the link.
 
@@ -120,7 +121,9 @@ class Objects:
             now: The instant.
             bulk_bytes: Room for records in a frame of the bulk service, bytes; 0 or less: none.
             hears_meanwhile: This node hears all others while it sends such frames.
+            lacks: Told ``(source, now)`` of an answer that asks a source for more.
         """
+        self._incoming.lacks = lacks
         self._timing = Timing.of(capabilities, capabilities.mtu_bytes - room_bytes, pause_ns)
         self._fragment_bytes = room_bytes - FRAGMENT_HEADER_BYTES
         if self._fragment_bytes >= 1:

@@ -70,6 +70,9 @@ class IncomingObjects:
         self._told: dict[TransferKey, Feedback] = {}
         self._losses: dict[int, float] = {}
         self._alone: set[TransferKey] = set()
+        self.lacks: Callable[[int, int], None] | None = None
+        """Told ``(source, now)`` of an answer that asks a source for more of an object; None: there
+        is no link yet."""
         self._replies = Replies(rng, self._is_sayable)
 
     def __len__(self) -> int:
@@ -200,6 +203,9 @@ class IncomingObjects:
                 self._replies.drop(key)
                 continue
             self._replies.say(key)
+            state = self._transfers.get(key)
+            if self.lacks is not None and state is not None and state.incoming.lacking != 0:
+                self.lacks(key[0], now)
             self._told[key] = feedback
             while len(self._told) > _MOST_TOLD:
                 del self._told[next(iter(self._told))]

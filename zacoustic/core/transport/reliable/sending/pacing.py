@@ -127,6 +127,20 @@ class Pacing:
             if is_lacking and lane.rhythm_is_known(sample):
                 sample.asked, sample.due_at = True, AT_ONCE
 
+    def hole_begins(self, lane: SendLane, now: int) -> None:
+        """Make due the emergencies without an answer: the ends of a bulk service hear for a moment.
+
+        By their own pauses they would meet one train after the other. They go twice, since the
+        next hole is seconds away; the first may also destroy the acknowledgement of the train, and
+        then the second is heard.
+        """
+        if self.times is None or self._priority(lane) is not Priority.REAL_TIME:
+            return
+        for sample in lane.active():
+            if lane.awaits(sample) and now - sample.sent_at >= self.times.first_round_trip_ns:
+                sample.follows = sample.in_hole = True
+                sample.due_at = AT_ONCE
+
     def ready_at(self, lane: SendLane, sample: Outgoing) -> int:
         """Return when to repeat a sample, ns; answers to later transmissions are awaited first."""
         if sample.follows or sample.asked:
@@ -200,6 +214,9 @@ class Pacing:
             round_trips_ns = _ROUND_TRIPS_OF_ASKING * times.first_round_trip_ns
             return lane.put_off(report.finished_at + _period_ns(lane) + round_trips_ns)
         priority = self._priority(lane)
+        if sample.in_hole:
+            sample.in_hole, sample.follows = False, True
+            return AT_ONCE
         if len(lane.samples) <= _COPIED_AT_ONCE and report.outcome is not TransmitOutcome.REJECTED:
             at = report.finished_at
             sample.follows = follow(sample.waiting, priority, sample.tries, times, at, self._rng)

@@ -102,6 +102,7 @@ class ReliableSending:
         context.pacers.on_repeat(self._repeat)
         context.pacers.changed.connect(self._changed)
         context.pacers.released.connect(self._released)
+        context.pacers.hole_begins.connect(self._hole_begins)
         context.peers.restarted.connect(self.peer_restarted)
         context.peers.asked.connect(self.peer_asked)
         context.peers.forgotten.connect(self.peer_forgotten)
@@ -296,6 +297,12 @@ class ReliableSending:
         for lane in self._lanes:
             if address in lane.receptions:
                 lane.due_soon(address)
+        self._changed()
+
+    def _hole_begins(self, now: int) -> None:
+        """Repeat emergencies in the hole between trains of other nodes."""
+        for lane in self._lanes:
+            self._pacing.hole_begins(lane, now)
         self._changed()
 
     def _changed(self) -> None:
