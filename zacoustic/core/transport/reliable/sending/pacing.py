@@ -23,6 +23,12 @@ _COPIED_AT_ONCE: Final = 2
 _ROUND_TRIPS_OF_ASKING: Final = 2
 """How many round trips a publisher waits for a receiver that asks for overdue samples."""
 
+_SURE_HOLES: Final = 2
+"""An emergency goes into so many holes at once, and into each further one by chance."""
+_HOLE_CHANCE: Final = 0.5
+_MOST_HOLES: Final = 6
+"""Then it has its own pauses only: its receiver may be away, and a run of trains last for long."""
+
 
 class Pacing:
     """Decides when the reliable samples of this node are repeated.
@@ -137,8 +143,13 @@ class Pacing:
         if self.times is None or self._priority(lane) is not Priority.REAL_TIME:
             return
         for sample in lane.active():
-            if lane.awaits(sample) and now - sample.sent_at >= self.times.first_round_trip_ns:
+            if not lane.awaits(sample) or sample.holes >= _MOST_HOLES:
+                continue
+            # Others may have an emergency, too, and would meet it in each hole.
+            goes = sample.holes < _SURE_HOLES or self._rng.random() < _HOLE_CHANCE
+            if goes and now - sample.sent_at >= self.times.first_round_trip_ns:
                 sample.follows = sample.in_hole = True
+                sample.holes += 1
                 sample.due_at = AT_ONCE
 
     def ready_at(self, lane: SendLane, sample: Outgoing) -> int:

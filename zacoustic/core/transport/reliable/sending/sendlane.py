@@ -70,8 +70,8 @@ class Outgoing:
 
     __slots__ = (
         "acknowledged", "aimed_at", "asked", "delivery_id", "due_at", "expires_at", "first_order",
-        "follows", "held", "in_hole", "marked", "number", "order", "sent_at", "sent_before_at",
-        "stage", "tries", "unknown", "waiting",
+        "follows", "held", "holes", "in_hole", "marked", "number", "order", "sent_at",
+        "sent_before_at", "stage", "tries", "unknown", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -92,6 +92,8 @@ class Outgoing:
         """It was just sent, and is sent again without waiting for an answer."""
         self.in_hole = False
         """It goes twice, between two trains of other nodes."""
+        self.holes = 0
+        """Into how many such holes it has gone."""
         self.asked = False
         """Its receiver has reported that it lacks it, after it should have come."""
         self.marked = False
