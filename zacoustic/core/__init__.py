@@ -30,9 +30,9 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 `policy` chooses for each frame, `reach` tells whether a link reaches a node,
                 `outbox` is a source of the composer
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
-                `composer` and `filling` to `port` (`bulkwindow`) to `transmitter`; `access`,
-                `airtime`, `silence`
-                and `hosttime` decide when a frame goes; `timing`, `pacers` and `copies` how often;
+                `composer` and `filling` to `port` (`bulkwindow`, `othertrains`) to `transmitter`;
+                `access`, `airtime`, `silence` and `hosttime` decide when a frame goes; `timing`,
+                `pacers` and `copies` how often;
                 `replybudget` limits what another node causes;
                 `linkseal` closes a frame; `hearing` is what frames say about the medium; `sources`
                 and `savings` are what a frame is composed from beside the queue
