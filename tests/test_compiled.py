@@ -192,6 +192,19 @@ def test_no_property_takes_the_place_of_an_attribute() -> None:
     assert mistaken == []
 
 
+def test_no_slice_is_a_value() -> None:
+    """Compiled code takes whatever stands between the brackets of bytes for an index."""
+    files = [*(ROOT / "zacoustic/core").rglob("*.py"), *(ROOT / "zacoustic/channel").rglob("*.py")]
+    assert len(files) > 200
+    made = [
+        f"{file.relative_to(ROOT)}:{node.lineno}"
+        for file in files
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Name) and node.id == "slice"
+    ]
+    assert made == []
+
+
 def _classes_of(room: str) -> Iterator[tuple[str, tuple[set[str], list[str], set[str]]]]:
     """Yield the attributes, bases and properties of each class below a room."""
     for file in (ROOT / room).rglob("*.py"):

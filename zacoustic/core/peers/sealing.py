@@ -50,8 +50,8 @@ from zacoustic.core.wire.seal import (
     parse_sealed,
 )
 
-_HELLO_DIGEST: Final = slice(4, 8)
-"""Where the digest of the table is in a HELLO."""
+_DIGEST_AT: Final = 4
+"""Where the digest of the table begins in a HELLO."""
 _RARE_NS: Final = seconds_to_ns(5.0)
 """Ways whose frames are at least this far apart have exact marks."""
 _MARK_PREFIX: Final = "seal/"
@@ -342,7 +342,9 @@ class Seal:
             window.note(start, counter)
             self._passing[way] = window
             if opened.digest == NO_TABLE and opened.records[:1] == bytes((HELLO_CODE,)):
-                self._of_others[way.source] = opened.records[_HELLO_DIGEST]
+                self._of_others[way.source] = opened.records[
+                    _DIGEST_AT : _DIGEST_AT + len(NO_TABLE)
+                ]
             return True
         return failed
 
