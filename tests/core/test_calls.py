@@ -182,7 +182,8 @@ def test_numbers_are_exhausted_until_an_answer_proves_that_old_ones_are_closed()
     assert not numbers.is_stuck
 
 
-def test_number_is_used_again_only_when_no_answer_to_its_last_use_can_arrive() -> None:
+def after_all_numbers() -> ClientCalls:
+    """Use each call number once, unsent; return the calls when number 0 is next again."""
     calls = ClientCalls(1)
     calls.settling_ns = SETTLING_NS
     for number in range(CALL_NUMBERS):
@@ -191,6 +192,11 @@ def test_number_is_used_again_only_when_no_answer_to_its_last_use_can_arrive() -
             # It closes number 0, whose answer may have been sent again just before.
             calls.proved(call_id, 10)
         calls.fail(call_id, CallFailure.CANCELLED, "")
+    return calls
+
+
+def test_number_is_used_again_only_when_no_answer_to_its_last_use_can_arrive() -> None:
+    calls = after_all_numbers()
     with pytest.raises(QueueFullError):
         begin(calls, 10 + SETTLING_NS - 1)
     assert not calls.needs_new_epoch(20, 2)
@@ -198,13 +204,7 @@ def test_number_is_used_again_only_when_no_answer_to_its_last_use_can_arrive() -
 
 
 def test_number_is_not_used_again_while_a_confirm_of_its_last_use_is_under_way() -> None:
-    calls = ClientCalls(1)
-    calls.settling_ns = SETTLING_NS
-    for number in range(CALL_NUMBERS):
-        call_id, _ = begin(calls, 10)
-        if number == WINDOW:
-            calls.proved(call_id, 10)
-        calls.fail(call_id, CallFailure.CANCELLED, "")
+    calls = after_all_numbers()
     # A late answer is confirmed just before the number may be used again.
     calls.confirms(2, 20, 0, 10 + SETTLING_NS - 1)
     with pytest.raises(QueueFullError):
