@@ -28,11 +28,11 @@ PAIRS: Final = 30
 LIMIT_S: Final = 12_000.0
 """For the large sample, most of which goes when the emergencies are over."""
 LATE_S: Final = 90.0
-"""For 95 of a hundred emergencies: two at one instant collide, and four of ten frames are lost. Over
+"""For 95 of a hundred emergencies: two at one instant collide, four of ten frames are lost. Over
 sixty guesses it is 48 s, and 310 s if they do not go into the holes between trains."""
 
 
-class Shoal:
+class Fleet:
     """A large sample from node 1 to node 2; nodes 3 and 4 are as far from both, on either side."""
 
     def __init__(self, seed: int) -> None:
@@ -108,7 +108,7 @@ def test_emergencies_of_two_nodes_and_the_large_sample_all_arrive(
 ) -> None:
     delays_s: list[float] = []
     for seed in range(count(60)):
-        shoal = Shoal(seed)
-        shoal.run()
-        delays_s += shoal.delays_s
+        fleet = Fleet(seed)
+        fleet.run()
+        delays_s += fleet.delays_s
     assert sorted(delays_s)[int(0.95 * len(delays_s))] <= LATE_S
