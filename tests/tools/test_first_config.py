@@ -363,3 +363,14 @@ def test_no_interval_is_longer_than_the_period_that_was_measured(period_s: float
     least_s = 5.0 if period_s < 5 else period_s
     assert stream.qos.min_interval_s is not None
     assert 0.9 * period_s <= stream.qos.min_interval_s <= least_s * 1.001
+
+
+def test_the_traffic_has_no_instants_that_a_person_cannot_read() -> None:
+    topic = msgspec.structs.replace(
+        seen("auv1/leak", b"{}", b"{}", encoding="application/json"),
+        period_s=0.02,
+        last_s=7 * 0.02 + 4.1e-5,
+    )
+    files = write_files(survey(topic))
+    text = write_traffic(files, here=HERE, there=THERE, config="f.json5", profile=DEFAULT_PROFILE)
+    assert "every_s: 0.02, first_s: 0," in text

@@ -60,7 +60,7 @@ def _said(draft: TopicDraft, example: object) -> tuple[str, str]:
     if not seen.samples:
         return "every_s: 60, size_bytes: 16", "nobody published it"
     period_s = float(f"{seen.period_s or 1 / seen.rate_hz:.3g}")
-    every_s = f"every_s: {period_s:g}, first_s: {seen.last_s % period_s:.3g}"
+    every_s = f"every_s: {period_s:g}, first_s: {round(seen.last_s % period_s, 3):g}"
     if example is None:
         least, most = seen.smallest_bytes, seen.largest_bytes
         return f"{every_s}, size_bytes: {most if least == most else f'[{least}, {most}]'}", ""
