@@ -6,7 +6,6 @@ always for something that happens, with a limit.
 
 import asyncio
 import json
-import socket
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager
@@ -17,6 +16,7 @@ import msgspec
 import zenoh
 import zenoh.ext
 
+from zacoustic.app.tools.demo.networks import free_ports
 from zacoustic.channel.medium import Emission
 from zacoustic.channel.scenario import scenario_from_mapping
 from zacoustic.config import Config, config_from_mapping
@@ -105,9 +105,7 @@ def run(main: Coroutine[Any, Any, T], *, limit_s: float = 60.0) -> T:
 
 def free_port() -> int:
     """Find a port that nobody listens on now."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    return free_ports(1)[0]
 
 
 def zenoh_settings(mode: str, *, listen: int | None = None, connect: int | None = None) -> str:

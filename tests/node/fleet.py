@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import socket
 import threading
 from collections.abc import AsyncIterator, Coroutine, Iterator
 from contextlib import asynccontextmanager, contextmanager
@@ -13,6 +12,7 @@ import pytest
 import zenoh
 
 from zacoustic import Bounds, Config, DeliveryError, Node
+from zacoustic.app.tools.demo.networks import free_ports
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.config import config_from_mapping
 from zacoustic_sim.medium import SimMedium
@@ -180,9 +180,7 @@ def run_on_zenoh(main: Coroutine[Any, Any, T], *, limit_s: float = 30.0) -> T:
 
 
 def free_endpoint() -> str:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    return f"tcp/127.0.0.1:{free_ports(1)[0]}"
 
 
 @contextmanager

@@ -5,6 +5,8 @@ on one, so each gets a copy with its own port, address and modem.
 """
 
 import contextlib
+import itertools
+import os
 import socket
 from collections.abc import Mapping
 from importlib import resources
@@ -22,6 +24,9 @@ VEHICLE: Final = 2
 NAMES: Final = {SHORE: "shore", VEHICLE: "auv1"}
 """Name of each side by address, as in fleet.json5."""
 
+_FIRST_PORT, _PORTS = 20_000, 12_000
+# Processes that begin at one time begin far apart; 997 is a prime.
+_NUMBERS: Final = itertools.count(os.getpid() * 997)
 _ENDPOINT: Final = "tcp/127.0.0.1:7447"
 _ADDRESS: Final = "address: 1,\n"
 _LOCATOR: Final = "sim/127.0.0.1:7000"
@@ -81,9 +86,20 @@ def write_networks(folder: Path, locators: str | Mapping[int, str]) -> dict[int,
 
 
 def free_ports(count: int) -> list[int]:
-    """Return free ports of the loopback interface, all different."""
-    with contextlib.ExitStack() as held:
-        sockets = [held.enter_context(socket.socket()) for _ in range(count)]
-        for each in sockets:
-            each.bind(("127.0.0.1", 0))
-        return [each.getsockname()[1] for each in sockets]
+    """Return free ports of the loopback interface, in order; this process gets others next time.
+
+    They are below those that systems give to outgoing connections: one of these could take a port
+    before its server does.
+
+    Raises:
+        OSError: There are not so many.
+    """
+    found: list[int] = []
+    for number in itertools.islice(_NUMBERS, _PORTS):
+        if len(found) == count:
+            return found
+        port = _FIRST_PORT + number % _PORTS
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            found.append(port)
+    raise OSError(f"fewer than {count} of the ports {_FIRST_PORT}..{_FIRST_PORT + _PORTS} are free")
