@@ -121,6 +121,7 @@ def test_a_late_subscription_to_a_latched_topic_has_the_last_samples_at_once() -
             publisher = auv.create_publisher(bytes, "map", latched)
             for payload in (b"1", b"2", b"3"):
                 publisher.publish(payload)
+            await settle(auv)  # else the router may still have samples before it, and routes them
             late = shore.subscribe(bytes, "map", latched)
             assert [(await late.receive()).value for _ in range(2)] == [b"2", b"3"]
             publisher.publish(b"4")
