@@ -55,6 +55,7 @@ class Walk:
         self._serving = contextlib.ExitStack()  # until the next heading
         self._stack = contextlib.ExitStack()  # until the end of the page
         self._gateways = 0
+        self._said: list[tuple[str, list[str]]] = []
         texts = [*files_of(page).values(), *(block.text for block in blocks_of(page))]
         self._ports = _exchange(texts)
         self._scouting = f"224.0.0.224:{free_ports(1)[0]}"
@@ -129,8 +130,12 @@ class Walk:
             check=False,
         )
         said = f"{shlex.join(words)}: {process.returncode}\n{process.stdout}\n{process.stderr}"
-        assert process.returncode == code, said
+        assert process.returncode == code, f"{said}\n{self._all_said()}"
         return process.stdout
+
+    def _all_said(self) -> str:
+        """What each command that serves, or has served, said: one of them may be the cause."""
+        return "\n".join(f"{command}:\n{''.join(said)}" for command, said in self._said)
 
     @contextlib.contextmanager
     def _served(self, words: list[str], lines: int = 1) -> Iterator[list[str]]:
@@ -149,6 +154,7 @@ class Walk:
             text=True,
         )
         said: list[str] = []
+        self._said.append((shlex.join(words), said))
         spoken = threading.Semaphore(0)
         reader = threading.Thread(target=_read, args=(process, said, spoken), daemon=True)
         reader.start()
@@ -160,7 +166,7 @@ class Walk:
             if process.poll() is None and _serves(words):
                 process.send_signal(signal.SIGINT)
             code = process.wait(LIMIT_S)
-            assert code == 0, f"{shlex.join(words)}: {code}\n{''.join(said)}"
+            assert code == 0, f"{shlex.join(words)}: {code}\n{self._all_said()}"
         finally:
             if process.poll() is None:
                 process.kill()

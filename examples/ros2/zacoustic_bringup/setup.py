@@ -1,11 +1,17 @@
 """Installs the package where ament looks: `colcon build --packages-select zacoustic_bringup`."""
 
-from glob import glob
+from pathlib import Path
 
 from setuptools import setup
 
 NAME = "zacoustic_bringup"
 FOLDERS = ("launch", "config", "layouts")
+
+
+def files(folder: str) -> list[str]:
+    """Return the files of a folder, without the folders that Python makes in it."""
+    return [str(path) for path in sorted(Path(folder).iterdir()) if path.is_file()]
+
 
 setup(
     name=NAME,
@@ -14,7 +20,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
-        *((f"share/{NAME}/{folder}", glob(f"{folder}/*")) for folder in FOLDERS),
+        *((f"share/{NAME}/{folder}", files(folder)) for folder in FOLDERS),
     ],
     install_requires=["setuptools"],
     zip_safe=True,
