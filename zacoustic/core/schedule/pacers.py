@@ -102,7 +102,7 @@ class Pacers(PerPeer[Pacer]):
 
     def introduce(self, address: int, stream_id: int, *, anyway: bool = False) -> None:
         """Make the next frame to a silent node readable: it may have forgotten this one."""
-        if anyway or self[address].is_silent:
+        if anyway or self[address].may_have_restarted:
             self._introduce(address, stream_id)
 
     def is_present(self, address: int, now: int) -> bool:

@@ -50,6 +50,10 @@ _SILENT_FACTORS: Final[tuple[float, ...]] = (1.0, 1.0, 1.0, 1.0, 1.0, 3.0, 9.0, 
 first few may have been lost, the others go to an absent node. The last one is a minute where a
 round trip takes three seconds: a node that returns and transmits nothing waits that long."""
 
+_FORGETTING_FACTOR: Final = 3.0
+"""A node takes longer to start than the first such pause. Before it, losses are likelier by far,
+and a node that has restarted in so short a time asks who this one is."""
+
 _PATIENCE: Final = 2
 """This many times the usual number of unheard repetitions are no sign of absence: they come on top
 of the first few. With six of ten frames lost, every sixth exchange succeeds."""
@@ -198,6 +202,11 @@ class Pacer:
     def is_silent(self) -> bool:
         """Whether it was unheard for so long that it may be absent."""
         return self._silent_factor > 1
+
+    @property
+    def may_have_restarted(self) -> bool:
+        """Whether it was unheard for so long that it may have forgotten this node meanwhile."""
+        return self._silent_factor > _FORGETTING_FACTOR
 
     @property
     def _silent_factor(self) -> float:
