@@ -146,7 +146,7 @@ def test_nobody_is_blamed_for_what_is_sent_when_the_other_end_is_not_recorded() 
     add_messages(facts, sink.messages)
     link = next(each for each in figures_of(facts).links if (each.source, each.node) == (1, 2))
     assert link.loss is not None
-    assert link.loss < 0.2
+    assert link.loss < 0.3  # half of all frames are sent when nobody hears
     assert figures_of(facts).nodes[0].frames > 2 * (link.sent or 0)
     assert measure_channel(facts, seed=1).losses["1 to 2"] < 0.2
 

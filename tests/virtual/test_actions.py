@@ -30,7 +30,7 @@ from zacoustic.core.transport.actions.events import (
     GoalRecovered,
     ResultReceived,
 )
-from zacoustic.core.wire.agreement import CONFIRM_CODE
+from zacoustic.core.wire.agreement import CONFIRM_CODE, HELLO_CODE
 from zacoustic.errors import QueueFullError
 from zacoustic.testing.virtual import Disturb, VirtualNetwork
 
@@ -69,6 +69,8 @@ class Bench:
         medium = line(*positions, channel="none", seed=seed, faults=faults or {})
         self.frames: list[tuple[int, bytes]] = []
         """``(node, frame)``: what was transmitted, where it is traced."""
+        self.instants: list[float] = []
+        """Of those frames, s."""
         self.medium = VirtualNetwork(
             medium,
             tables or fleet(nodes, **settings),
@@ -134,6 +136,7 @@ class Bench:
     def _note(self, record: TraceRecord) -> None:
         if record.what == "transmit":
             self.frames.append((record.node, bytes.fromhex(record.frame)))
+            self.instants.append(record.at / NS_PER_S)
 
     def _take(self, node: int, event: Event) -> None:
         if not isinstance(event, ActionEvent):
@@ -348,6 +351,44 @@ def test_confirm_of_the_client_ends_what_the_server_says_of_itself() -> None:
     assert said == ["b10001b5ff00011ea030", "1ea031", "1ea032", "1ea033"]
     # Confirms, and not a record of the client: it has said nothing but its goal.
     assert {frame[-2:] for node, frame in bench.frames if node == 2} == {b"re", b"\0\1"}
+
+
+def test_client_that_is_named_by_its_epoch_confirms_the_server_at_once() -> None:
+    # Its confirms of before were in vain, so it pauses between them; but now it was heard.
+    bench = Bench(
+        trace=True,
+        disturb=lambda source, _, now: () if source == 1 and 5 < now / 1e9 < 305 else (0.0,),
+    )
+    bench.medium.publish(1, 1, b"x")
+    for number in range(6):
+        bench.medium.at(10 + 20 * number, partial(bench.medium.publish, 2, 1, b"x"))
+    bench.run(300)
+    goal = bench.send()
+    for number in range(4):
+        bench.run(320 + 20 * number)
+        bench.feed(goal, b"%d" % number)
+    bench.run(400)
+    said = [frame.hex() for node, frame in bench.frames if node == 1 and frame[-1:].isdigit()]
+    former, present = "1ee00001a0", "1ea0"
+    assert said == [former + "30", *(present + digit for digit in ("31", "32", "33"))]
+
+
+def test_only_a_node_that_is_silent_for_long_is_told_again_who_this_one_is() -> None:
+    bench = Bench(trace=True, disturb=lambda source, _, now: () if now > 100e9 else (0.0,))
+    goal = bench.send()
+    for number in range(4):
+        bench.run(20 * number + 3)
+        bench.feed(goal, b"%d" % number)
+    bench.run(101)
+    before = len(bench.frames)
+    bench.instants.clear()
+    bench.send()
+    bench.run(160)
+    frames = [frame for _, frame in bench.frames[before:]]
+    first = [frame[0] == HELLO_CODE for frame in frames].index(True)
+    pauses = [after - at for at, after in itertools.pairwise(bench.instants)]
+    assert all(frame[0] == HELLO_CODE for frame in frames[first:])
+    assert first == 1 + pauses.index(next(pause for pause in pauses if pause > 2 * pauses[0]))
 
 
 def test_result_that_did_not_get_through_twice_is_asked_for() -> None:

@@ -285,9 +285,13 @@ class Handshake:
             self.owing.introduction(self._peers[source], now)
 
     def heard_too_long(self, source: int, now: int) -> None:
-        """Confirm the source again, whose record does not rely on our agreement."""
+        """Confirm the source again, whose record does not rely on our agreement.
+
+        As in `heard_introduction` it has heard us, and each of its records is longer until we do.
+        """
         peer = self._peers[source]
         if peer.confirmed_us:
+            peer.answer_pause.reset()
             self._answer_introduction(peer, now)
 
     def ask(self, address: int, now: int) -> None:
