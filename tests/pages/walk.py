@@ -139,7 +139,10 @@ class Walk:
 
     @contextlib.contextmanager
     def _served(self, words: list[str], lines: int = 1) -> Iterator[list[str]]:
-        """Run a command beside the others; it has said so many lines when this returns."""
+        """Run a command beside the others; it has said so many lines when this returns.
+
+        A gateway has said all that it says at first: a reader looks at it before typing more.
+        """
         if words[:3] == ["zacoustic", "run", "gateway"]:
             self._gateways += 1
             if self._gateways > 1 and "--listen" not in words:
@@ -159,7 +162,7 @@ class Walk:
         reader = threading.Thread(target=_read, args=(process, said, spoken), daemon=True)
         reader.start()
         try:
-            for _ in range(lines if _serves(words) else 0):
+            while _serves(words) and not _is_ready(words, said, lines):
                 assert spoken.acquire(timeout=LIMIT_S), f"{shlex.join(words)}: silent"
                 assert process.poll() is None, f"{shlex.join(words)}: ended\n{''.join(said)}"
             yield said
@@ -209,6 +212,12 @@ def _read(process: "subprocess.Popen[str]", said: list[str], spoken: threading.S
 def _serves(words: list[str]) -> bool:
     ends = {"--help", "--once", "demo"} & set(words)
     return words[0] == "zacoustic" and words[1] in SERVING and not ends
+
+
+def _is_ready(words: list[str], said: list[str], lines: int) -> bool:
+    if words[:3] == ["zacoustic", "run", "gateway"] and "--json" not in words:
+        return any(line.startswith("digest") for line in said)
+    return len(said) >= lines
 
 
 def _program(words: list[str]) -> list[str]:
