@@ -135,7 +135,8 @@ def test_straight_way_that_opens_now_and_then_doubles_nothing(count: Callable[[i
         )  # fmt: skip
         for index in range(40):
             voyage.publish_at(10.0 + 25 * index, b"%d" % index)
-        voyage.network.run(until_s=3600)
+        # At 40 % loss one of 150 voyages knows only after 3600 s that all has arrived.
+        voyage.network.run(until_s=7200)
         report(voyage)
 
 
