@@ -125,6 +125,8 @@ def test_an_engine_that_seals_nothing_never_comes_to_an_epoch_that_can(tmp_path:
     write_key(tmp_path / "fleet.key", KEY)
     spec = SecuritySpec(source="test", key=tmp_path / "fleet.key", lives=tmp_path / "lives")
     seal = open_seal(spec, 3)
-    seal.keep_lives(journal_in(tmp_path / "journal", 3)).recover()
+    lives = seal.keep_lives(journal_in(tmp_path / "journal", 3))
+    lives.recover()
+    lives.close()
     assert "no record of the lives of node 3" in seal.failure
     assert {seal.epoch(epoch) for epoch in (0, 5, 0xF7FF, 0xF800, 0xFFFF)} == {0xF800}
