@@ -287,11 +287,15 @@ class Handshake:
     def heard_too_long(self, source: int, now: int) -> None:
         """Confirm the source again, whose record does not rely on our agreement.
 
-        As in `heard_introduction` it has heard us, and each of its records is longer until we do.
+        It has heard us, and each of its records is longer until we do; so our confirms of before,
+        which were in vain, do not delay this one. But where it hears us no more, such records
+        would each get an answer: they end the delay ever less often.
         """
         peer = self._peers[source]
         if peer.confirmed_us:
-            peer.answer_pause.reset()
+            if now >= peer.named_pause.not_before:
+                peer.named_pause.use(now, self.owing.unit_ns)
+                peer.answer_pause.reset()
             self._answer_introduction(peer, now)
 
     def ask(self, address: int, now: int) -> None:

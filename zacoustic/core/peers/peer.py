@@ -106,6 +106,8 @@ class Peer:
         """Before this instant, ns, it may not have received our last CONFIRM."""
         self.ask_pause = Pause(_LONGEST_QUESTION_PAUSE_UNITS)
         self.answer_pause = Pause(_LONGEST_ANSWER_PAUSE_UNITS)
+        self.named_pause = Pause(_LONGEST_ANSWER_PAUSE_UNITS)
+        """Between records that name our epoch and end `answer_pause`."""
 
     @property
     def present_epoch(self) -> int:
@@ -198,5 +200,5 @@ class Peer:
         self.doubt(event)
         self.owed_rows.clear()
         self.questions.clear()
-        self.ask_pause.reset()
-        self.answer_pause.reset()
+        for pause in (self.ask_pause, self.answer_pause, self.named_pause):
+            pause.reset()

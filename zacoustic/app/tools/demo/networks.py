@@ -96,10 +96,11 @@ def free_ports(count: int) -> list[int]:
     """
     found: list[int] = []
     for number in itertools.islice(_NUMBERS, _PORTS):
-        if len(found) == count:
-            return found
         port = _FIRST_PORT + number % _PORTS
         with socket.socket() as probe, contextlib.suppress(OSError):
             probe.bind(("127.0.0.1", port))
             found.append(port)
-    raise OSError(f"fewer than {count} of the ports {_FIRST_PORT}..{_FIRST_PORT + _PORTS} are free")
+        if len(found) == count:
+            return found
+    last_port = _FIRST_PORT + _PORTS - 1
+    raise OSError(f"fewer than {count} of the ports {_FIRST_PORT}..{last_port} are free")
