@@ -8,7 +8,16 @@ from functools import partial
 
 from zacoustic import Qos, Reliability
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.testing import Carry, NodeSpec, Scenario, StreamTable, TopicSpec, VirtualNetwork
+from zacoustic.testing import (
+    Carry,
+    ContactRules,
+    NodeSpec,
+    Scenario,
+    StreamTable,
+    TopicSpec,
+    TransmitRules,
+    VirtualNetwork,
+)
 
 MOORING, GLIDER, SHIP = 1, 2, 3
 LOG = 1
@@ -38,7 +47,9 @@ def network() -> VirtualNetwork:
     nodes = tuple(
         NodeSpec(address=each, position=(400.0 * each, 0.0, 10.0)) for each in table.nodes
     )
-    return VirtualNetwork(Scenario(nodes=nodes), table, seed=1, disturb=hears)
+    # Who passes for minutes says that it is there: nobody calls out to a silent node for ever.
+    heard = TransmitRules(contact=ContactRules(heartbeat_s=60.0))
+    return VirtualNetwork(Scenario(nodes=nodes), table, seed=1, disturb=hears, rules=heard)
 
 
 def main() -> None:

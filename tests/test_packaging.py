@@ -49,7 +49,8 @@ assert zacoustic.__file__.startswith(sys.argv[2]), zacoustic.__file__
 for name in Path(sys.argv[1]).read_text().split():
     module, _, last = name.rpartition(".")
     found = getattr(importlib.import_module(module), last)
-    print(name, inspect.getdoc(found))
+    is_value = not callable(found) and not inspect.ismodule(found)
+    print(name, type(found).__name__ if is_value else inspect.getdoc(found))
     for each in vars(found) if inspect.isclass(found) else ():
         if each[0] == "_":
             continue

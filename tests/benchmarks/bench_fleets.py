@@ -1,15 +1,18 @@
 """What arrives of the reports of a fleet, beside the same reports without any agreement on tables.
 
     .venv/bin/python tests/benchmarks/bench_fleets.py [--agreement tag,confirm] [--nodes 10,20]
-                                                      [--seeds 8] [--to-shore] [--scheduled]
+                                                      [--period S] [--seeds 8] [--to-shore]
+                                                      [--scheduled]
+
+The figures of docs/config.md: --agreement confirm,tag --period 300 --nodes 4,5,6,16 --seeds 3, and
+--period 600 --nodes 64 --seeds 1.
 
 Ten bytes from each node to all others once a period, at an instant of its own each time, in a
 square of 3 km of sea, from a cold start, for an hour; mean and 95 % interval over the seeds, each
 the mean over all pairs of nodes. A seal is no agreement: a fleet with a key (`--agreement sealed`)
 stands beside one whose reports are sealed and nothing else. With `--scheduled` each node has a slot
 of a schedule for these places, and what arrives stands beside the same reports, each alone on the
-channel. Exits 1 when a fleet delivers too
-little, or agreement takes too many bytes.
+channel. Exits 1 when a fleet delivers too little, or agreement takes too many bytes.
 """
 
 import argparse
@@ -39,6 +42,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--agreement", default="tag")
     parser.add_argument("--nodes", default=",".join(map(str, PERIODS_S)))
+    parser.add_argument("--period", type=float, help="of a report, s, for any number of nodes")
     parser.add_argument("--seeds", type=int, default=8)
     parser.add_argument("--to-shore", action="store_true", help="reports for node 1 alone")
     parser.add_argument("--scheduled", action="store_true", help="by a schedule, beside alone")
@@ -48,6 +52,7 @@ def main() -> int:
     failed = False
     print("nodes  period  agreement   arrives         of bare         agreement's bytes  frames")
     for nodes in map(int, arguments.nodes.split(",")):
+        period_s = arguments.period or PERIODS_S[nodes]
         alone: dict[str, list[Crowd]] = {}
         methods = arguments.agreement.split(",")
         bare = [OFF] * (methods != [SEALED]) + [SEALED_OFF] * (SEALED in methods)
@@ -57,7 +62,7 @@ def main() -> int:
                     seed,
                     method,
                     nodes=nodes,
-                    period_s=PERIODS_S[nodes],
+                    period_s=period_s,
                     to_shore=arguments.to_shore,
                 )
                 for seed in range(1, arguments.seeds + 1)
@@ -68,7 +73,7 @@ def main() -> int:
             ]
             share = statistics.fmean(each.agreement for each in crowds)
             print(
-                f"{nodes:5}  {PERIODS_S[nodes]:4.0f} s  {method:10}  "
+                f"{nodes:5}  {period_s:4.0f} s  {method:10}  "
                 f"{_interval([each.arrived for each in crowds]):14}  {_interval(ratios):14}  "
                 f"{share:17.1%}  {statistics.fmean(each.frames for each in crowds):6.0f}",
                 flush=True,
@@ -83,7 +88,8 @@ def _scheduled(arguments: argparse.Namespace) -> int:
     failed = False
     print("nodes  period  agreement   alone           arrives         of alone")
     for nodes in map(int, arguments.nodes.split(",")):
-        period_s, seeds = PERIODS_S[nodes], range(1, arguments.seeds + 1)
+        period_s = arguments.period or PERIODS_S[nodes]
+        seeds = range(1, arguments.seeds + 1)
         run = partial(run_crowd, nodes=nodes, period_s=period_s, to_shore=arguments.to_shore)
         alone = [run(seed, OFF, alone=True).arrived for seed in seeds]
         for method in arguments.agreement.split(","):

@@ -22,7 +22,7 @@ from zacoustic.config import config_from_mapping
 from zacoustic.core.values.dense import DenseCodec, DenseSample
 from zacoustic.core.values.types import TypeSpec
 from zacoustic.mavlink.dialect import Message, PacketCodec
-from zacoustic.mavlink.entries import TELEMETRY, entries
+from zacoustic.mavlink.entries import CLOCK, TELEMETRY, entries
 from zacoustic.mavlink.telemetry import HIGH_LATENCY2, heartbeat, value_of
 
 EVERY: Final = 2
@@ -68,11 +68,16 @@ def run(
 ) -> Counters:
     """Send a mission."""
     groups = [
-        [DenseSample(STREAM_ID, value_of(report, beat, 1), count)]
+        [DenseSample(STREAM_ID, value_of(report, beat, 1) | clock_of(report), count)]
         for count, report in enumerate(mission)
     ]
     codec = DenseCodec({STREAM_ID: type_spec})
     return exchange(codec, groups, ack_every=ack_every, loss=loss)
+
+
+def clock_of(report: Message) -> dict[str, int]:
+    """Return the clock of the bridge: begins at a random time, and is as late as the report."""
+    return {CLOCK: (report.fields["timestamp"] + 2_345_678_000) % 2**32}
 
 
 def type_of_telemetry() -> TypeSpec:

@@ -262,6 +262,40 @@ def test_who_carries_a_topic_is_said(tmp_path: Path, capsys: pytest.CaptureFixtu
         assert words in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(
+    ("nodes", "more", "is_asked"),
+    [
+        (5, {}, False),
+        (6, {}, True),
+        (16, {"agreement": "confirm"}, True),
+        (16, {"agreement": "tag"}, False),
+        (16, {"security": {"keys": "keys.json"}}, False),
+    ],
+)
+def test_many_nodes_are_asked_to_agree_by_tags(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    nodes: int,
+    more: dict[str, Any],
+    is_asked: bool,
+) -> None:
+    fleet = [{"address": each, "name": f"n{each}"} for each in range(1, nodes + 1)]
+    main(["config", "check", str(write(tmp_path, {**SECTION, "nodes": fleet, **more}))])
+    pairs = f"{nodes * (nodes - 1)} times after a start of all"
+    wanted = f"agreement: {nodes} nodes confirm each other's frames by pairs, {pairs}; add "
+    assert (wanted + 'agreement: "tag"' in capsys.readouterr().out) == is_asked
+
+
+def test_frames_for_one_node_ask_for_no_tags(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fleet = [{"address": each, "name": f"n{each}"} for each in range(1, 17)]
+    nav = {"id": 10, "topic": "auv1/nav", "type": "Nav", "publishers": [2], "subscribers": [1]}
+    path = write(tmp_path, {**SECTION, "nodes": fleet, "streams": [nav]})
+    assert main(["config", "check", str(path)]) == 0
+    assert "by pairs" not in capsys.readouterr().out
+
+
 def test_airtimes_are_those_of_the_link_that_is_given(
     fleet: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -1,6 +1,7 @@
 """Calls: 64 numbers, each used again only when its last use is closed at the server."""
 
 import random
+from itertools import count
 from typing import Any, cast
 
 import pytest
@@ -10,17 +11,14 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from tests.core.test_taken import Server, key
 from zacoustic.core.base.qos import Qos
+from zacoustic.core.base.sizes import SIZES, Numbering
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.transport.calls.calls import ClientCalls
 from zacoustic.core.transport.exchanges.numbers import (
-    CALL_NUMBERING,
-    GOAL_NUMBERING,
-    Numbering,
     NumberWindow,
 )
 from zacoustic.core.transport.exchanges.repeating import Repetition
 from zacoustic.core.wire.calls import (
-    CALL_NUMBERS,
     CallKind,
     decode_call_byte,
     decode_error,
@@ -34,7 +32,7 @@ from zacoustic.core.wire.goals import GoalFailure, Refusal, decode_refusal
 from zacoustic.errors import QueueFullError
 
 SETTLING_NS = 5
-WINDOW = CALL_NUMBERING.window
+WINDOW = SIZES.calls.window
 
 
 def request(*, sent_at: int | None = None, on_air: bool = False) -> Repetition:
@@ -55,7 +53,7 @@ def begin(calls: ClientCalls, now: int = 0) -> tuple[int, int]:
 def test_call_byte_holds_kind_and_number() -> None:
     seen = set()
     for kind in CallKind:
-        for number in range(CALL_NUMBERS):
+        for number in range(SIZES.calls.count):
             byte = encode_call_byte(kind, number)
             assert decode_call_byte(byte) == (kind, number)
             seen.add(byte)
@@ -111,7 +109,7 @@ def test_named_answer_is_for_one_life(
 
 
 def test_as_many_calls_as_the_window_holds_are_under_way() -> None:
-    calls = ClientCalls(1)
+    calls = ClientCalls(1, count(1), SIZES.calls)
     assert [begin(calls)[1] for _ in range(WINDOW)] == list(range(WINDOW))
     with pytest.raises(QueueFullError, match="16 calls to node 2 are under way"):
         begin(calls)
@@ -120,19 +118,19 @@ def test_as_many_calls_as_the_window_holds_are_under_way() -> None:
 
 
 def test_numbers_go_round() -> None:
-    assert begin(ClientCalls(3))[1] == 46
-    calls = ClientCalls(26)
+    assert begin(ClientCalls(3, count(1), SIZES.calls))[1] == 46
+    calls = ClientCalls(26, count(1), SIZES.calls)
     assert [begin(calls)[1] for _ in range(3)] == [63, 0, 1]
 
 
-@pytest.mark.parametrize("numbering", [CALL_NUMBERING, GOAL_NUMBERING])
+@pytest.mark.parametrize("numbering", [SIZES.calls, SIZES.goals])
 def test_successive_epochs_begin_with_all_numbers_in_turn(numbering: Numbering) -> None:
     firsts = {numbering.first(epoch) for epoch in range(9, 9 + numbering.count)}
     assert firsts == set(range(numbering.count))
 
 
 def test_window_moves_when_its_oldest_call_has_ended_and_its_request_has_settled() -> None:
-    calls = ClientCalls(1)
+    calls = ClientCalls(1, count(1), SIZES.calls)
     calls.settling_ns = SETTLING_NS
     first, second, *_ = [begin(calls)[0] for _ in range(WINDOW)]
     calls.attach(first, request(sent_at=20))
@@ -149,7 +147,7 @@ def test_window_moves_when_its_oldest_call_has_ended_and_its_request_has_settled
 
 
 def test_request_that_is_still_being_sent_holds_the_window() -> None:
-    calls = ClientCalls(1)
+    calls = ClientCalls(1, count(1), SIZES.calls)
     first, *_ = [begin(calls)[0] for _ in range(WINDOW)]
     sending = request(on_air=True)
     calls.attach(first, sending)
@@ -161,8 +159,8 @@ def test_request_that_is_still_being_sent_holds_the_window() -> None:
 
 
 def test_numbers_are_exhausted_until_an_answer_proves_that_old_ones_are_closed() -> None:
-    numbers = NumberWindow(CALL_NUMBERING, 1)
-    for index in range(CALL_NUMBERS):
+    numbers = NumberWindow(SIZES.calls, 1)
+    for index in range(SIZES.calls.count):
         assert numbers.may_begin(index, 0)
         assert numbers.take()[0] == index
         numbers.ended(index, ())
@@ -184,9 +182,9 @@ def test_numbers_are_exhausted_until_an_answer_proves_that_old_ones_are_closed()
 
 def after_all_numbers() -> ClientCalls:
     """Use each call number once, unsent; return the calls when number 0 is next again."""
-    calls = ClientCalls(1)
+    calls = ClientCalls(1, count(1), SIZES.calls)
     calls.settling_ns = SETTLING_NS
-    for number in range(CALL_NUMBERS):
+    for number in range(SIZES.calls.count):
         call_id, _ = begin(calls, 10)
         if number == WINDOW:
             # It closes number 0, whose answer may have been sent again just before.
@@ -213,8 +211,8 @@ def test_number_is_not_used_again_while_a_confirm_of_its_last_use_is_under_way()
 
 
 def test_new_epoch_frees_all_numbers_if_no_call_is_under_way() -> None:
-    calls = ClientCalls(1)
-    for _ in range(CALL_NUMBERS):
+    calls = ClientCalls(1, count(1), SIZES.calls)
+    for _ in range(SIZES.calls.count):
         call_id, _ = begin(calls)
         assert not calls.needs_new_epoch(20, 2)
         calls.fail(call_id, CallFailure.TIMED_OUT, "")
@@ -247,9 +245,9 @@ class NumbersInTheMedium(RuleBasedStateMachine):
         """Number → index of what the server remembers."""
         self.executed: set[int] = set()
 
-    @initialize(epoch=st.integers(1, CALL_NUMBERS))
+    @initialize(epoch=st.integers(1, SIZES.calls.count))
     def start(self, epoch: int) -> None:
-        self.numbers = NumberWindow(CALL_NUMBERING, epoch)
+        self.numbers = NumberWindow(SIZES.calls, epoch)
 
     @rule(
         seed=st.integers(0, 1 << 30),
@@ -349,7 +347,7 @@ TestNumbersInTheMedium.settings = settings(stateful_step_count=15, max_examples=
 
 
 def test_answer_finds_its_call_by_server_stream_and_number() -> None:
-    calls = ClientCalls(1)
+    calls = ClientCalls(1, count(1), SIZES.calls)
     call_id, number = begin(calls)
     assert calls.find(2, 20, number) == call_id
     assert calls.find(3, 20, number) is None

@@ -142,13 +142,13 @@ def test_frame_for_another_node_is_a_sign_where_it_is_heard(addressed: bool) -> 
     medium = Rig(
         dict.fromkeys((1, 2, 3), fleet(3)), capabilities=capabilities, rules={3: misses(n2=100)}
     )
-    for _ in range(5):
+    for number in range(5):
         medium.publish(2, 11, b"for 1")
         sent = medium[2].send(medium.now)
         assert sent is not None
         assert sent.destination == 1
         medium[3].hear(sent.frame_bytes, medium.now, source=2, destination=1)
-        medium.run(50, lambda source, node, transmission: False)
+        medium.run(40 + 5 * number, lambda source, node, transmission: False)  # no period
     assert medium[3].got(PeerLost) == []
 
 

@@ -145,7 +145,7 @@ def test_check_covers_the_addresses_that_the_link_carries() -> None:
         ({}, b"x", 1, 256, "address"),
         ({"checked": False}, b"abc", 1, 2, "short"),
         ({"framed": False}, b"\x00\x05ab\x00", 1, 2, "stuffing"),
-        ({"framed": False}, b"\x00" + b"a" * 65 + b"\x00", 1, 2, "overlong"),
+        ({"framed": False}, b"\x00" + b"a" * 4097 + b"\x00", 1, 2, "overlong"),
     ],
 )
 def test_what_is_no_frame_is_damaged_for_a_reason(
@@ -156,12 +156,20 @@ def test_what_is_no_frame_is_damaged_for_a_reason(
     assert len(results) == 1
 
 
+def test_a_byte_stream_may_bring_longer_frames_than_this_node_sends() -> None:
+    sender, receiver = envelope(1, 512, framed=False), envelope(2, 24, framed=False)
+    records = bytes(range(1, 256)) + bytes(100)
+    (opened,) = receiver.open(received(sender.wrap(records, 2)))
+    assert isinstance(opened, Opened)
+    assert opened.records == records
+
+
 def test_buffer_of_a_byte_stream_never_grows_beyond_a_frame() -> None:
     receiver = envelope(2, 64, framed=False)
     for _ in range(1000):
         assert receiver.open(received(b"\xff" * 1000)) == []
     assert receiver.open(received(b"\x00\x02x\x00")) == [
-        Damaged(reason="overlong", size_bytes=64),
+        Damaged(reason="overlong", size_bytes=4096),
         Opened(source=1, destination=BROADCAST, records=b"x"),
     ]
 

@@ -234,7 +234,8 @@ def test_record_that_is_no_answer_is_counted(
     records: bytes, source: int, dropped: dict[str, int]
 ) -> None:
     rig = ends()
-    rig[1].hear(Hello(WIRE_VERSION, 1, fleet().digest).encode() + records, 0, source=source)
+    hello = Hello(WIRE_VERSION, 1, fleet().digest).encode()
+    rig[1].hear(hello + records, 0, source=source, destination=1)
     assert rig[1].engine.stats.dropped == dropped
 
 
@@ -255,9 +256,8 @@ def test_response_that_does_not_decode_fails_the_call(payload: bytes) -> None:
     rig = ends()
     call_id = call(rig, {"n": 1}, stream_id=21)
     rig.exchange()
-    rig[1].hear(
-        Hello(WIRE_VERSION, 1, fleet().digest).encode() + b"\x15\x00\x41" + payload, 1, source=2
-    )
+    hello = Hello(WIRE_VERSION, 1, fleet().digest).encode()
+    rig[1].hear(hello + b"\x15\x00\x41" + payload, 1, source=2, destination=1)
     ((failed, failure, _),) = failures(rig)
     assert (failed, failure) == (call_id, CallFailure.BAD_RESPONSE)
 
@@ -267,9 +267,8 @@ def test_error_that_does_not_decode_is_an_error_without_text(payload: bytes) -> 
     rig = ends()
     call_id = call(rig)
     rig.exchange()
-    rig[1].hear(
-        Hello(WIRE_VERSION, 1, fleet().digest).encode() + b"\x14\x00\x81" + payload, 1, source=2
-    )
+    hello = Hello(WIRE_VERSION, 1, fleet().digest).encode()
+    rig[1].hear(hello + b"\x14\x00\x81" + payload, 1, source=2, destination=1)
     assert failures(rig) == [(call_id, CallFailure.HANDLER, "")]
 
 

@@ -14,10 +14,10 @@ from tests.core.calling import (
     to_nobody,
 )
 from tests.core.rig import Rig
+from zacoustic.core.base.sizes import SIZES
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.wire.calls import CALL_NUMBERS
 
 
 def test_nothing_runs_and_nothing_is_confirmed_before_it_is_written_down() -> None:
@@ -101,7 +101,7 @@ def test_stored_calls_of_a_former_life_of_the_client_do_not_reach_the_present_on
     answer(rig, b"to the first life")
     rig.restart(1, fleet())
     rig.restart(2, fleet(), keeps=True)
-    for number in range(CALL_NUMBERS - 23 + 1):
+    for number in range(SIZES.calls.count - 23 + 1):
         call(rig, b"%d" % number, timeout_s=0.001)
         rig.run(0.01, lambda source, node, transmission: source == 2)
     assert requests(rig) == []

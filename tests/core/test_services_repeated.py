@@ -16,12 +16,11 @@ from tests.core.calling import (
     to_nobody,
 )
 from tests.core.rig import Rig, link
+from zacoustic.core.base.sizes import SIZES
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.linktypes import LinkState
-from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
 from zacoustic.core.wire.agreement import WIRE_VERSION, Hello
-from zacoustic.core.wire.calls import CALL_NUMBERS
 from zacoustic.errors import QueueFullError
 
 
@@ -61,14 +60,14 @@ def test_answer_is_repeated_until_the_client_has_confirmed_it() -> None:
 
 def test_calls_that_are_due_together_share_frames() -> None:
     rig = acquainted()
-    for number in range(CALL_NUMBERING.window):
+    for number in range(SIZES.calls.window):
         call(rig, b"%d" % number)
     rig.run(0.5)
     assert len(sent_by(rig, 1)) == 2
-    for number in range(CALL_NUMBERING.window):
+    for number in range(SIZES.calls.window):
         answer(rig, b"re %d" % number, number=number)
     rig.run(1)
-    expected = [b"re %d" % each for each in range(CALL_NUMBERING.window)]
+    expected = [b"re %d" % each for each in range(SIZES.calls.window)]
     assert [value for _, value in responses(rig)] == expected
     assert len(rig.frames) < 16
 
@@ -115,26 +114,26 @@ def test_several_clients_have_the_same_numbers() -> None:
 
 def test_hundreds_of_calls_go_round_the_numbers() -> None:
     rig = acquainted()
-    for number in range(5 * CALL_NUMBERS):
+    for number in range(5 * SIZES.calls.count):
         call(rig, b"%d" % number)
         rig.run(0.5)
         assert answer(rig, b"re %d" % number)
         rig.run(0.5)
     assert [value for _, value in responses(rig)] == [
-        b"re %d" % number for number in range(5 * CALL_NUMBERS)
+        b"re %d" % number for number in range(5 * SIZES.calls.count)
     ]
-    assert len(requests(rig)) == 5 * CALL_NUMBERS
-    assert len(entries(rig)) <= CALL_NUMBERS
+    assert len(requests(rig)) == 5 * SIZES.calls.count
+    assert len(entries(rig)) <= SIZES.calls.count
     assert rig[1].engine.epoch == 1
 
 
 def test_client_begins_an_epoch_when_no_number_is_proved_free() -> None:
     rig = acquainted()
-    for _ in range(CALL_NUMBERS):
+    for _ in range(SIZES.calls.count):
         call(rig, timeout_s=0.01)
         rig.run(0.1, to_nobody)
     assert rig[1].engine.epoch == 1
-    assert len(failures(rig)) == CALL_NUMBERS
+    assert len(failures(rig)) == SIZES.calls.count
     call_id = call(rig)
     assert rig[1].engine.epoch == 2
     rig.exchange()
@@ -147,7 +146,7 @@ def test_client_begins_an_epoch_when_no_number_is_proved_free() -> None:
 def test_number_that_is_not_proved_free_is_refused_while_another_call_is_under_way() -> None:
     rig = acquainted()
     call(rig, {"n": 1}, stream_id=21)
-    for _ in range(CALL_NUMBERS):
+    for _ in range(SIZES.calls.count):
         call(rig, timeout_s=0.01)
         rig.run(0.1, to_nobody)
     with pytest.raises(QueueFullError, match="no number is proved free"):
@@ -189,7 +188,7 @@ def test_answer_is_named_anew_when_the_request_comes_again_so() -> None:
     assert len(requests(rig)) == len(responses(rig)) == 1
 
 
-@pytest.mark.parametrize("number", range(CALL_NUMBERS))
+@pytest.mark.parametrize("number", range(SIZES.calls.count))
 def test_no_answer_to_a_former_life_is_taken_whatever_the_number(number: int) -> None:
     rig = acquainted()
     rig.restart(1, fleet())
@@ -197,11 +196,14 @@ def test_no_answer_to_a_former_life_is_taken_whatever_the_number(number: int) ->
     rig.exchange(to_nobody)
     # The server has not heard of the second life. It introduces itself, as to any stranger.
     records = bytes((0x14, 0x40 | number)) + b"to the first"
-    rig[1].hear(Hello(WIRE_VERSION, 1, fleet().digest).encode() + records, rig.now, source=2)
+    rig[1].hear(
+        Hello(WIRE_VERSION, 1, fleet().digest).encode() + records, rig.now, source=2, destination=1
+    )
     rig.now += seconds_to_ns(1)
     for kind in (0x40, 0x80, 0xC0):
-        rig[1].hear(bytes((0x14, kind | number)) + b"\x01", rig.now, source=2)
-        rig[1].hear(bytes((0x14, number, kind | 1)) + b"\x01", rig.now, source=2)
+        payload = b"" if kind == 0xC0 else b"\x01"
+        for head in ((0x14, kind | number), (0x14, number, kind | 1)):
+            rig[1].hear(bytes(head) + payload, rig.now, source=2, destination=1)
     assert rig[1].got(ResponseReceived) == []
     assert rig[1].got(CallFailed) == []
     assert rig[1].engine.stats.dropped["unexpected_answer"] == 7

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from zacoustic.core.base.journal import JournalPort
+from zacoustic.core.base.sizes import SIZES
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.pacers import Pacers
@@ -14,14 +15,13 @@ from zacoustic.core.schedule.queue import TransmitQueue
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.exchanges.journal import ExchangeJournal
-from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
 from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.transport.exchanges.taken import NEVER, TakenExchange, TakenExchanges
-from zacoustic.core.wire.calls import CALL_NUMBERS, CallKey
+from zacoustic.core.wire.calls import CallKey
 from zacoustic.core.wire.exchanges import ExchangeKey
 from zacoustic.core.wire.goals import GoalKey
 
-WINDOW = CALL_NUMBERING.window
+WINDOW = SIZES.calls.window
 
 Taken = TakenExchange[Any]
 
@@ -47,7 +47,7 @@ class Server:
         peers = Peers()
         queue, pacers, rng = TransmitQueue(), Pacers(peers), random.Random(1)
         repeater = Repeater(queue, peers, pacers, self.timers, rng)
-        return TakenExchanges(journal, self.timers, repeater, Due.SERVED_CALL, CALL_NUMBERING, most)
+        return TakenExchanges(journal, self.timers, repeater, Due.SERVED_CALL, SIZES.calls, most)
 
     def take(self, key: ExchangeKey, now: int = 0) -> Taken | None:
         """Take an exchange that is forgotten at 100."""
@@ -107,7 +107,7 @@ def test_request_closes_what_is_a_window_behind_it() -> None:
 def test_one_client_holds_a_bounded_number_whatever_epochs_it_claims() -> None:
     server = Server()
     taken = [server.take(key(epoch % 64, epoch=epoch)) for epoch in range(5000)]
-    assert sum(each is not None for each in taken) == 2 * CALL_NUMBERS
+    assert sum(each is not None for each in taken) == 2 * SIZES.calls.count
     assert server.take(key(stream_id=21)) is not None
     assert server.take(key(client=2)) is not None
 

@@ -4,6 +4,7 @@ import asyncio
 import json
 import logging
 import sys
+import urllib.error
 import urllib.request
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -37,6 +38,7 @@ from zacoustic.config.metrics import metrics_argument, parse_metrics
 from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.gateway import Gateway
 from zacoustic.zenoh.gateway.notices import Started
+from zacoustic.zenoh.gateway.status import metrics as status_metrics
 from zacoustic.zenoh.gateway.status.metrics import _hops, _reachable
 from zacoustic_sim.link import SimConfig
 
@@ -50,7 +52,8 @@ async def measured(
 ) -> AsyncIterator[tuple[LocalNetwork, str]]:
     """Run a gateway with metrics; gives where they are."""
     found = LocalNetwork(free_port())
-    config = config_of(address, zenoh_config("router", listen=found.port), WATCHED)
+    section = WATCHED | {"metrics_names": ["auv1.example"]}
+    config = config_of(address, zenoh_config("router", listen=found.port), section)
     link = channel.medium.link(address, SimConfig(acknowledges=True))
     async with Gateway(config, link=link, notify=found.notify, metrics=place):
         started = next(each for each in found.notices if isinstance(each, Started))
@@ -114,6 +117,55 @@ def test_metrics_are_those_of_the_health_report() -> None:
                 assert (await scrape(url))["zacoustic_stream_deliveries_total", photo] == 0
 
     run(scene())
+
+
+def status_for(url: str, **headers: str) -> int:
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code
+
+
+def test_other_pages_cannot_read_them_through_a_browser() -> None:
+    async def scene() -> None:
+        async with measured(Channel(), 1) as (_, url):
+            for host, status in (
+                ("127.0.0.1:9464", 200),
+                ("localhost", 200),
+                ("AUV1.example:9464", 200),
+                ("evil.example:9464", 403),
+            ):
+                assert await asyncio.to_thread(status_for, url, Host=host) == status
+            assert await asyncio.to_thread(status_for, url, Origin="http://evil.example") == 403
+
+    run(scene())
+
+
+def test_scrapes_in_a_row_ask_the_gateway_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def scene() -> None:
+        asked: list[int] = []
+        now = [0]
+
+        def documents() -> dict[str, object]:
+            asked.append(now[0])
+            return {}
+
+        monkeypatch.setattr(status_metrics, "metrics_of", lambda _: ())
+        loop = asyncio.get_running_loop()
+        collector = status_metrics._HealthCollector(documents, loop, lambda: now[0])
+        for now[0] in (0, 999_999_999, 1_000_000_000, 1_500_000_000):
+            await asyncio.to_thread(collector.collect)
+        assert asked == [0, 1_000_000_000]
+
+    run(scene())
+
+
+@pytest.mark.parametrize("name", ["", "a b", "http://auv1", "auv1:9464", "*.example"])
+def test_names_of_the_metrics_are_host_names(name: str) -> None:
+    with pytest.raises(ConfigError, match=r"metrics_names\[0\]: .*; allowed: a list of host names"):
+        config_from_mapping(SECTION | {"metrics_names": [name]}, source="test")
 
 
 def test_lists_of_links_and_hops_have_metrics() -> None:

@@ -1,6 +1,7 @@
-"""Frames that a receiver must not read, or not all of: makes `refusals.json`.
+"""Frames that a receiver must not read, or not all of: makes `refusals.json`, `ends.json`.
 
-Each is given to a real engine, which has to refuse it for the stated reason and to read the rest.
+The second has those in which the question is where a refused record ends. Each is given to a real
+engine, which has to refuse it for the stated reason and to read the rest.
 After adding one: ``python -m tests.golden.refusals`` from the project's root.
 """
 
@@ -19,7 +20,7 @@ from tests.virtual.sealed import SealedFleet
 from zacoustic.channel.scenario import NodeSpec, Scenario
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.engine.engine import Engine
-from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.engine.makeengine import MakeEngine
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
 from zacoustic.core.peers.sealing import Seal
@@ -29,6 +30,7 @@ from zacoustic.seal.ccm import FleetCipher
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 REFUSALS: Final = Path(__file__).parent / "refusals.json"
+ENDS: Final = Path(__file__).parent / "ends.json"
 MTU_BYTES: Final = 64
 GOOD: Final = "0b6f6b"
 """A sample of stream 11: the bytes ``ok``."""
@@ -126,8 +128,8 @@ LINK_CASES: Final = (
              frame=checked(f"0302{GOOD}"), destination=3),
     LinkCase(name="stuffing_too_long", meaning="COBS: a length that points behind the end",
              reason="stuffing", frame="0005010c00", framed=False),
-    LinkCase(name="overlong", meaning="70 bytes without a zero on a link of 64", reason="overlong",
-             frame="00" + "11" * 70 + "00", framed=False),
+    LinkCase(name="overlong", meaning="4097 bytes without a zero", reason="overlong",
+             frame="00" + "11" * 4097 + "00", framed=False),
     LinkCase(name="damaged_stream", meaning="COBS is right, the CRC-32 is another one",
              reason="check", frame=stuffed(checked(f"0102{GOOD}")[:-2] + "00"), framed=False),
 )  # fmt: skip
@@ -284,20 +286,110 @@ CASES: Final = (
 )  # fmt: skip
 
 
+_ACTION: Final[dict[str, Any]] = {"table": "action", "source": 1, "receiver": 2}
+_SERVICE: Final[dict[str, Any]] = {"source": 1, "receiver": 2}
+
+
+def _left_over(name: str, meaning: str, record: str, **more: Any) -> Case:
+    """Return a record that shows its end, with a byte behind it that LEN takes to it."""
+    whole = f"b2{len(record) // 2 + 1:02x}{record}ff"
+    meaning = f"{meaning}, and a byte left over within LEN: that record alone"
+    return Case(name=f"{name}_left_over", meaning=meaning, reason="payload", lost=whole, last=GOOD,
+                **more)  # fmt: skip
+
+
+END_CASES: Final = (
+    # Sections 3 to 5 and 12: bytes left over behind what shows its end.
+    _left_over("delete", "DELETE", "b30b"),
+    _left_over("delete_wildcard", "DELETE with a wildcard value", "b30d00"),
+    _left_over("delete_reliable", "DELETE of a reliable topic", "b80001000000b31e00",
+               table="reliable", **_SERVICE),
+    Case(name="delete_behind_hello", meaning="DELETE without LEN behind HELLO: it ends with the "
+         "frame", reason="payload", first=_HELLO, lost=f"b30d00{GOOD}", broadcast=True),
+    _left_over("call_confirm", "confirm of a client", "14c0", **_SERVICE),
+    _left_over("answer_confirm", "confirm of a server", "14c0"),
+    _left_over("named_confirm", "named confirm of a server", "1400c1"),
+    _left_over("claim", "CLAIM", "2820", **_ACTION),
+    _left_over("goal_confirm", "CONFIRM of a client", "2860", **_ACTION),
+    _left_over("cancel", "CANCEL", "2880", **_ACTION),
+    _left_over("cancel_again", "CANCEL AGAIN", "28a001", **_ACTION),
+    _left_over("former_cancel", "CANCEL of a former goal", "28e0123480", **_ACTION),
+    _left_over("accepted", "ACCEPTED", "2820", table="action"),
+    _left_over("reminder", "RESULT 81, the reminder", "28c081", table="action"),
+    _left_over("no_result", "RESULT without a result", "28c085", table="action"),
+    _left_over("ack", "ACK", "b91e03", table="reliable"),
+    # Sections 3 and 4: prefixes stand before records of topics.
+    *(
+        Case(name=f"{name}_before_{kind}", meaning=f"{name.upper()} before a record of {what}: "
+             "the rest of the frame", reason="reserved", first=_NAV, lost=f"{prefix}{record}{GOOD}",
+             **more)
+        for name, prefix in (
+            ("delete", "b3"), ("encoding", "b404"), ("sync", "b80001000000"), ("ack", "b9"),
+        )
+        for kind, what, record, more in (
+            ("call", "a service", "140001", _SERVICE), ("goal", "an action", "2880", _ACTION),
+        )
+    ),
+    Case(name="prefix_before_call_behind_len", meaning="the same behind LEN: that record alone",
+         reason="reserved", lost="b204b3140001", last=GOOD, **_SERVICE),
+    Case(name="answer_to_all", meaning="a response to all: it may be to another client",
+         reason="not_for_us", first=_NAV, lost="14406f6b", called="01", broadcast=True),
+    Case(name="confirm_to_all", meaning="the confirm of a server to all: that record alone",
+         reason="not_for_us", lost="14c0", last=GOOD, called="01", broadcast=True),
+    Case(name="accepted_to_all", meaning="ACCEPTED to all: that record alone",
+         reason="not_for_us", lost="2820", last=GOOD, table="action", broadcast=True),
+    # Section 3: where it ends. What gives the end is as it may be: that record alone.
+    Case(name="text_for_a_number", meaning="a text for the first number: a kind of section 7",
+         reason="payload", lost="0a6161187b190a9b01", last=GOOD, broadcast=True),
+    Case(name="bools_for_numbers", meaning="true for the first two numbers, an enum out of bounds",
+         reason="payload", lost="0af5f50103", last=f"00{GOOD}", broadcast=True),
+    Case(name="absent_for_a_number", meaning="F6 where nothing is optional", reason="payload",
+         lost="0af6187b190a9b01", last=GOOD, broadcast=True),
+    Case(name="wildcard_of_a_delete", meaning="DELETE of value 3 of three: that record alone",
+         reason="payload", lost="b30d03", last=GOOD, broadcast=True),
+    Case(name="wildcard_of_an_ack", meaning="ACK with value 3 of three: that record alone",
+         reason="unexpected_ack", lost="b91f0302", last=GOOD, table="reliable"),
+    Case(name="held_beyond_the_window", meaning="an ACK of five bytes, 32 beyond: that alone",
+         reason="payload", lost="b91e80ffffffff7f", last=GOOD, table="reliable"),
+    Case(name="ack_of_no_bits", meaning="an ACK whose last byte says nothing, and not 80 00",
+         reason="payload", lost="b91e8500", last=GOOD, table="reliable"),
+    Case(name="unlisted_status", meaning="RESULT 82 of no goal: nothing follows the status",
+         reason="unexpected_answer", lost="28c082", last=GOOD, table="action"),
+    # What gives the end is not: the rest of the frame.
+    Case(name="ack_of_six_bytes", meaning="an ACK that goes on behind its fifth byte",
+         reason="payload", lost=f"b91e80818181818101{GOOD}", table="reliable"),
+    Case(name="array_in_a_number", meaning="an array for a number: no kind of section 7",
+         reason="payload", lost=f"0a80187b190a9b01{GOOD}", broadcast=True),
+    Case(name="former_with_low_bits", meaning="FORMER: CANCEL whose lower bits are not 0",
+         reason="payload", lost=f"28e5123481{GOOD}", **_ACTION),
+    Case(name="former_in_former", meaning="FORMER in FORMER", reason="payload",
+         lost=f"28e51234e0{GOOD}", **_ACTION),
+    Case(name="result_of_a_client", meaning="operation 6, RESULT 81, from a client",
+         reason="not_publisher", lost=f"28c581{GOOD}", **_ACTION),
+    Case(name="refused_of_a_client", meaning="operation 2 from a client",
+         reason="not_publisher", lost=f"284501{GOOD}", **_ACTION),
+    Case(name="response_of_a_client", meaning="kind 1 from a client", reason="not_publisher",
+         lost=f"1440{GOOD}", **_SERVICE),
+    Case(name="name_of_kind_0", meaning="a named answer of kind 0", reason="unexpected_answer",
+         lost=f"140001{GOOD}"),
+)  # fmt: skip
+
+
 def refusals() -> list[Refusal]:
-    """Return them all, each verified with an engine."""
+    """Return the frames of `refusals.json`, each verified with an engine."""
     sealed = [_sealed(*each) for each in _sealed_cases()]
     return [*map(_on_a_poor_link, LINK_CASES), *map(_on_a_good_link, CASES), *sealed]
 
 
-def text() -> str:
-    """Return the file."""
-    return lines(msgspec.to_builtins(refusals())) + "\n"
+def texts() -> dict[Path, str]:
+    """Return the files."""
+    made = {REFUSALS: refusals(), ENDS: [*map(_on_a_good_link, END_CASES)]}
+    return {path: lines(msgspec.to_builtins(each)) + "\n" for path, each in made.items()}
 
 
 def _on_a_poor_link(case: LinkCase) -> Refusal:
     modem = Modem(addressed=False, checked=False, framed=case.framed, mtu_bytes=MTU_BYTES)
-    receiver = _Receiver("base", 1, modem)
+    receiver = Receiver("base", 1, modem)
     receiver.take(case.frame, 0, BROADCAST)
     _verify(case.name, receiver, case.reason, [])
     return Refusal(
@@ -310,7 +402,7 @@ def _on_a_poor_link(case: LinkCase) -> Refusal:
 
 def _on_a_good_link(case: Case) -> Refusal:
     destination = BROADCAST if case.broadcast else case.receiver
-    receiver = _Receiver(case.table, case.receiver, Modem(), introduced=case.introduced)
+    receiver = Receiver(case.table, case.receiver, Modem(), introduced=case.introduced)
     if case.called:
         receiver.call(bytes.fromhex(case.called))
     for frame in case.before:
@@ -361,7 +453,7 @@ def _sealed_cases() -> Iterator[tuple[str, str, str, list[bytes], bytes, str]]:
 def _sealed(
     name: str, meaning: str, reason: str, before: list[bytes], frame: bytes, lost: str
 ) -> Refusal:
-    receiver = _Receiver("base", 2, Modem(), introduced=False, build=SealedFleet(KEY))
+    receiver = Receiver("base", 2, Modem(), introduced=False, build=SealedFleet(KEY))
     destination = 2 if lost else BROADCAST
     for each in before:
         receiver.take(each.hex(), 1, BROADCAST)
@@ -377,13 +469,13 @@ def _sealed(
     )  # fmt: skip
 
 
-def _verify(name: str, receiver: "_Receiver", reason: str, read: list[Fields]) -> None:
+def _verify(name: str, receiver: "Receiver", reason: str, read: list[Fields]) -> None:
     expected = [each["value"] for each in read if each.get("record") == "sample"]
     if receiver.dropped != {reason: 1} or receiver.samples != expected:
         raise SystemExit(f"{name}: {receiver.dropped}, read {receiver.samples}")
 
 
-class _Receiver:
+class Receiver:
     """A node that takes frames as a link gives them.
 
     Args:
@@ -449,11 +541,16 @@ class _Receiver:
         return dict(self._network.engine(self._address).stats.dropped)
 
     @property
+    def events(self) -> list[Event]:
+        """Its events, in order."""
+        return [event for address, event in self._network.events if address == self._address]
+
+    @property
     def samples(self) -> list[Any]:
         """The values that it has delivered."""
-        events = [event for address, event in self._network.events if address == self._address]
-        return [in_json(each.value) for each in events if isinstance(each, SampleReceived)]
+        return [in_json(each.value) for each in self.events if isinstance(each, SampleReceived)]
 
 
 if __name__ == "__main__":
-    REFUSALS.write_text(text(), encoding="utf-8")
+    for path, text in texts().items():
+        path.write_text(text, encoding="utf-8")

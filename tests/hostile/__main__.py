@@ -1,21 +1,27 @@
-"""``python -m tests.hostile SEED …``: runs these scenarios and says what did not hold."""
+"""``python -m tests.hostile [crossed | small] SEED …``: runs scenarios, says what did not hold.
+
+``crossed`` takes those of `crossing`, ``small`` those of `scenario` with small number windows.
+"""
 
 import sys
 import time
 
+from tests.hostile.crossing import crossed
 from tests.hostile.drive import Drive
-from tests.hostile.scenario import hostile
+from tests.hostile.scenario import hostile, small
 
 
 def main(words: list[str]) -> int:
     """Run the seeds, or ranges of them as ``FROM..TO``; returns the exit code."""
+    draws = {"crossed": crossed, "small": small}
+    draw = draws.get(words[0], hostile) if words else hostile
     seeds: list[int] = []
-    for word in words:
+    for word in words[draw is not hostile :]:
         first, _, last = word.partition("..")
         seeds += range(int(first), int(last or first) + 1)
     failed = 0
     for seed in seeds:
-        drawn = hostile(seed)
+        drawn = draw(seed)
         began = time.process_time()
         drive = Drive(drawn)
         violations = drive.run()

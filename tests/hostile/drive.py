@@ -6,13 +6,17 @@ import gc
 import itertools
 import random
 import types
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, Final
 
 from tests.hostile import fleet, foreign
 from tests.hostile.oracle import Given, Oracle
-from tests.hostile.scenario import CALM_S, LONGEST_REST_S, Hostile
+from tests.hostile.scenario import LONGEST_REST_S, Hostile
+from tests.virtual.sealed import SealedFleet
+from tests.virtual.twolinks import RADIO, RADIO_MODEM, SOUND
 from zacoustic.core.base.journal import EPOCH_KEY
+from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
@@ -26,6 +30,7 @@ from zacoustic.core.engine.events import (
     SampleReceived,
     SilenceChanged,
 )
+from zacoustic.core.engine.makeengine import MakeEngine
 from zacoustic.core.streams.commands import CommandKind, RemoteCommand
 from zacoustic.core.transport.actions.events import (
     GoalAnswered,
@@ -39,13 +44,21 @@ from zacoustic.testing.virtual import VirtualNetwork
 MOST_OBJECTS: Final = 100_000
 """Objects by which all engines together, and the lists that their dense coding shares, may have
 grown when nothing is to be done any more; those lists are half of it."""
+_OBJECTS_EACH: Final = 12
+"""The objects by which drive and oracle remember what was given, each."""
 MOST_ENTRIES: Final = 400
 """Entries in the journal of a node that has nothing to do."""
+MOST_LATE: Final = 10
+"""Frames in the second half of the calm: introductions of nodes that are polled."""
 SILENCE_S: Final = 150.0
 _COMMANDED_S: Final = 20.0
 _SILENT: Final = 2
 _LAST_WORD_S: Final = 30.0
 _STRANGERS: Final = range(50, 250)
+
+
+TURN_BYTES: Final = 12
+"""Size of a frame that only gives or ends a turn, with the longest head of a seal."""
 
 
 class Drive:
@@ -66,24 +79,45 @@ class Drive:
         self._written: dict[int, int] = {}
         self._copies: dict[int, dict[str, bytes]] = {}
         self._silent_from: float | None = None
+        self._sent: Counter[int] = Counter()
         self._last_frame_s = 0.0
+        self._late_frames = 0
         faults = hostile.scenario.faults
         is_foreign = hostile.kind == "foreign"
+        setting = hostile.setting
+        self.ends = setting.ends or hostile.addresses
         self.oracle = Oracle(
-            hostile.addresses, doubles=bool(faults.duplicate) or is_foreign, strangers=is_foreign
+            self.ends, doubles=bool(faults.duplicate) or is_foreign, strangers=is_foreign
         )
         self._early: list[tuple[int, Event]] | None = []
         top = max(hostile.addresses) + 1
         self.network = VirtualNetwork(
             hostile.scenario,
-            fleet.table(range(1, top)),
+            setting.table or fleet.table(range(1, top)),
             modem=hostile.modem,
+            mtu_bytes=setting.mtu_bytes,
             deliver=self._take,
             trace=self._note,
             digest=False,
+            link=SOUND if setting.beside is not None else None,
+            rules=setting.rules,
+            disturb=setting.disturb(),
+            build=self._build(),
+            point=self._point,
         )
-
+        if setting.beside is not None:
+            self.network.add_link(
+                RADIO, setting.beside, modem=RADIO_MODEM, disturb=setting.disturb_beside()
+            )
         self._objects = _objects_of(self.network.engine(fleet.SERVER))
+
+    def _build(self) -> MakeEngine:
+        setting = self.hostile.setting
+        make = functools.partial(Engine, sizes=setting.sizes)
+        return SealedFleet(make=make) if setting.is_sealed else make
+
+    def _point(self, node: int, what: str, event: Event | None) -> None:
+        """Do nothing before and after commits and events; subclasses crash nodes there."""
 
     def run(self) -> list[str]:
         """Run it; returns what must not have happened."""
@@ -100,6 +134,9 @@ class Drive:
             network.at(at_s + pause_s, functools.partial(network.start, node))
         if hostile.kind in ("foreign", "forged"):
             self._let_strangers_speak()
+        if (babbler := hostile.setting.babbler) is not None:
+            for number in range(int(2 * hostile.busy_s)):
+                network.at(number / 2, functools.partial(self._babble, babbler))
         if hostile.kind == "silent":
             network.at(
                 _COMMANDED_S,
@@ -112,7 +149,7 @@ class Drive:
                 functools.partial(self._order, 1, RemoteCommand(kind=CommandKind.RESUME)),
             )
         try:
-            network.run(until_s=hostile.busy_s + CALM_S)
+            network.run(until_s=hostile.busy_s + hostile.setting.calm_s)
         except Exception as error:
             error.add_note(f"again: python -m tests.hostile {hostile.seed}")
             raise
@@ -126,7 +163,7 @@ class Drive:
     def _instants(self) -> list[tuple[float, int]]:
         hostile, rng = self.hostile, self._rng
         found: list[tuple[float, int]] = []
-        for node in hostile.addresses:
+        for node in self.ends:
             at_s = rng.uniform(0, hostile.pause_s)
             while at_s < hostile.busy_s:
                 found.append((at_s, node))
@@ -142,7 +179,8 @@ class Drive:
         streams = [*fleet.BEST_EFFORT, *fleet.RELIABLE * 2, fleet.VIEW, fleet.DIARY]
         if node != fleet.SERVER:
             streams += [fleet.ARM, fleet.ARM, fleet.GOTO, 175]
-        stream_id = rng.choice(streams)
+        known = self.network.engine(node).table
+        stream_id = rng.choice([each for each in streams if known.get(each) is not None])
         if stream_id in fleet.ON_DEMAND and rng.random() < 0.5:
             self._apply(node, lambda engine, now: engine.subscriptions.want(stream_id, now))
             return
@@ -152,7 +190,7 @@ class Drive:
         value = fleet.value_of(stream_id, ticket, size)
         instance = (rng.randrange(2),) if stream_id in fleet.WITH_PARTS else ()
         if stream_id == 175:
-            other = rng.choice([each for each in self.hostile.addresses if each != node])
+            other = rng.choice([each for each in self.ends if each != node])
             self._order(node, RemoteCommand(kind=CommandKind.ASK), to=other)
         elif stream_id == fleet.ARM:
             self._give(
@@ -197,6 +235,14 @@ class Drive:
             self._give(
                 node, "call", ticket, 175, None, (),
                 lambda engine, now: engine.commands.send(to, command, now, timeout_s=300.0),
+            )  # fmt: skip
+
+    def _babble(self, node: int) -> None:
+        if self.network.is_running(node):
+            value = fleet.value_of(fleet.RAW, next(self._tickets), 20)
+            self._give(
+                node, "sample", fleet.ticket_of(value) or 0, fleet.RAW, value, (),
+                lambda engine, now: engine.publish(fleet.RAW, value, now),
             )  # fmt: skip
 
     def _apply(self, node: int, command: Callable[[Engine, int], object]) -> None:
@@ -282,10 +328,13 @@ class Drive:
         if record.what != "transmit":
             return
         self.frames += 1
-        now_s = self.network.now / NS_PER_S
-        self._last_frame_s = now_s
+        self._sent[record.node] += record.link in (ONE_LINK, SOUND, RADIO)
+        now_s = record.at / NS_PER_S
+        if not (self.hostile.setting.is_polled and record.size_bytes <= TURN_BYTES):
+            self._last_frame_s = now_s
+            self._late_frames += now_s > self.hostile.busy_s + self.hostile.setting.calm_s / 2
         mtu_bytes = self.hostile.modem.mtu_bytes or 64
-        if record.size_bytes > mtu_bytes:
+        if record.link != RADIO and record.size_bytes > mtu_bytes:
             self.oracle.complain(f"a frame of {record.size_bytes} bytes; MTU: {mtu_bytes}")
         since = self._silent_from
         if record.node != _SILENT or since is None:
@@ -302,11 +351,12 @@ class Drive:
             self._early.append((node, event))
             return
         oracle, life = self.oracle, self.network.life(node)
+        now_s = self.network.now / NS_PER_S
         match event:
             case SampleReceived():
                 oracle.hand_on(
                     node, life, event.source, event.stream_id, event.instance, event.value,
-                    now_s=self.network.now / NS_PER_S, again=event.again,
+                    now_s=now_s, again=event.again,
                 )  # fmt: skip
             case RequestReceived() if event.call.client in self.hostile.addresses:
                 oracle.hand_on(node, life, event.call.client, event.call.stream_id, (), event.value)
@@ -320,15 +370,15 @@ class Drive:
                     oracle.hand_on(node, life, event.goal.client, fleet.GOTO, (), event.value)
                 self._pursue(node, event)
             case DeliveryEnded():
-                oracle.end(node, life, "sample", event.delivery_id, event.outcome.value)
+                oracle.end(node, life, "sample", event.delivery_id, event.outcome.value, now_s)
             case ResponseReceived():
-                oracle.end(node, life, "call", event.call_id, "answered")
+                oracle.end(node, life, "call", event.call_id, "answered", now_s)
             case CallFailed():
-                oracle.end(node, life, "call", event.call_id, event.failure.name.lower())
+                oracle.end(node, life, "call", event.call_id, event.failure.name.lower(), now_s)
             case GoalAnswered(accepted=False) | GoalFailed():
-                oracle.end(node, life, "goal", event.goal, "failed")
+                oracle.end(node, life, "goal", event.goal, "failed", now_s)
             case ResultReceived():
-                oracle.end(node, life, "goal", event.goal, "ended")
+                oracle.end(node, life, "goal", event.goal, "ended", now_s)
             case SilenceChanged(is_silent=True, is_commanded=True) if node == _SILENT:
                 if self._silent_from is None:
                     self._silent_from = self.network.now / NS_PER_S
@@ -362,20 +412,39 @@ class Drive:
 
     def _check_rest(self) -> None:
         """All is calm: nobody has anything to do, or remembers more than it has to."""
-        if not self.network.is_quiet:
-            last_s = self._last_frame_s - self.hostile.busy_s
+        setting = self.hostile.setting
+        self._check_sums()
+        last_s = self._last_frame_s - self.hostile.busy_s
+        if self._late_frames > MOST_LATE or not (setting.is_polled or self.network.is_quiet):
             self.oracle.complain(f"it never ends: the last frame was {last_s:.0f} s into the calm")
         for node in self.hostile.addresses:
             engine = self.network.engine(node)
-            if not engine.is_idle:
+            if not (setting.is_polled or engine.is_idle):
                 waits = engine.poll_timeout()
                 self.oracle.complain(f"node {node} is not idle at the end; it waits for {waits}")
             entries = len(self.network.journal(node).entries)
             if entries > MOST_ENTRIES:
                 self.oracle.complain(f"node {node} keeps {entries} entries in its journal")
         grown_by = _objects_of(self.network.engine(fleet.SERVER)) - self._objects
-        if grown_by > MOST_OBJECTS:
+        if grown_by > MOST_OBJECTS + _OBJECTS_EACH * len(self.oracle.given):
             self.oracle.complain(f"the engines have grown by {grown_by} objects")
+
+    def _check_sums(self) -> None:
+        """Compare what the counters say with each other, and with what was on the water."""
+        for node in self.hostile.addresses:
+            all_stats = [*self.network.stats_of(node)]
+            counted = sum(each.frames_transmitted for each in all_stats)
+            if counted != self._sent[node]:
+                self.oracle.complain(
+                    f"node {node} counts {counted} frames; {self._sent[node]} were transmitted"
+                )
+            in_all = sum(each.bytes_transmitted for each in all_stats)
+            entries = [entry for each in all_stats for entry in each.ledger()]
+            in_ledger = sum(each.transmitted_bytes for each in entries)
+            if in_all != in_ledger:
+                self.oracle.complain(
+                    f"node {node}: {in_all} bytes in all, {in_ledger} in its ledger"
+                )
 
 
 def _objects_of(engine: Engine) -> int:

@@ -10,6 +10,9 @@ import msgspec
 
 from tests.hostile import fleet
 
+LONGEST_S: Final = {fleet.ARM: 310.0, fleet.GOTO: 820.0, 175: 310.0}
+"""Time within which a call, a goal, an order has an end, s: the time-outs of `fleet`, with 10 s, or
+a tenth part, for timers of clocks that drift and for what waits for a commit."""
 COPIED_S: Final = 35.0
 """Copies of an urgent best-effort sample go for 30 s, docs/wire.md says; and one frame is slow."""
 
@@ -28,6 +31,8 @@ class Given(msgspec.Struct):
     is_forgotten: bool = False
     """Its node was killed, and may know nothing of it."""
     ends: list[str] = []
+    ended_in: int = 0
+    """The life in which the last end was told."""
     handed_on: dict[int, list[int]] = {}
     """Node → the lives in which it was handed on there."""
 
@@ -55,6 +60,7 @@ class Oracle:
         self._strangers = strangers
         self._by_name: dict[tuple[int, int, str, object], Given] = {}
         self.counts: dict[str, int] = {}
+        self._delivered: list[Given] = []
 
     def complain(self, text: str) -> None:
         """Note what must not have happened."""
@@ -107,25 +113,33 @@ class Oracle:
         self._count(f"stream {stream_id} handed on")
         return ticket
 
-    def end(self, node: int, life: int, kind: str, name: object, how: str) -> None:
-        """An application was told how something ended."""
+    def end(
+        self, node: int, life: int, kind: str, name: object, how: str, now_s: float = 0.0
+    ) -> None:
+        """An application was told, at an instant, how something ended."""
         given = self._find(node, life, kind, name)
         if given is None:
             if node not in self.forgetful:
                 self.complain(f"node {node} is told {how} of a {kind} {name} that it has not given")
             return
+        if given.ends == [how] and life > given.ended_in:
+            return  # a crash between the event and the next one: told again, and the same
         given.ends.append(how)
+        given.ended_in = life
+        took_s, most_s = now_s - given.at_s, LONGEST_S.get(given.stream_id)
+        if most_s is not None and took_s > most_s and node not in self.forgetful:
+            self.complain(f"node {node}: {kind} {name} {how} after {took_s:.0f} of {most_s:.0f} s")
         self._count(f"{kind} {how}")
         if len(given.ends) > 1 and node not in self.forgetful:
             self.complain(f"node {node}: {kind} {name} ends {' and '.join(given.ends)}")
         if how == "delivered" and given.stream_id != fleet.DIARY and not self._strangers:
-            receivers = {fleet.SERVER} if given.stream_id == fleet.STOP else {*self._addresses}
-            lacking = receivers - {node} - set(given.handed_on) - self.forgetful
-            if lacking:
-                self.complain(
-                    f"node {node} is told that {given.value!r:.40} on stream {given.stream_id} of "
-                    f"{given.at_s:.1f} s is delivered; node {sorted(lacking)} never got it"
-                )
+            self._delivered.append(given)
+
+    def excuse(self, node: int, life: int, kind: str, name: object) -> None:
+        """An application may never be told how something ended."""
+        given = self._find(node, life, kind, name)
+        if given is not None:
+            given.is_forgotten = True
 
     def killed(self, node: int, life: int, is_journalled: "dict[int, bool]") -> None:
         """A node was killed.
@@ -140,7 +154,19 @@ class Oracle:
                 given.is_forgotten = True
 
     def check_ends(self) -> None:
-        """All is over: everything has ended, once."""
+        """All is over: everything has ended, once, and what was told to be delivered is.
+
+        A receiver that is killed with a sample in its journal hands it on in its next life.
+        """
+        for given in self._delivered:
+            receivers = {fleet.SERVER} if given.stream_id == fleet.STOP else {*self._addresses}
+            lacking = receivers - {given.node} - set(given.handed_on) - self.forgetful
+            if lacking:
+                self.complain(
+                    f"node {given.node} is told that {given.value!r:.40} on stream "
+                    f"{given.stream_id} of {given.at_s:.1f} s is delivered; node {sorted(lacking)} "
+                    "never got it"
+                )
         for given in self.given.values():
             is_awaited = given.stream_id not in fleet.BEST_EFFORT
             if is_awaited and not given.ends and not given.is_forgotten:

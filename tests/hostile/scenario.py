@@ -1,12 +1,17 @@
 """`Hostile`: one scenario, drawn from its seed: what the link is, who is there, what goes wrong."""
 
 import random
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import msgspec
 
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
-from zacoustic.testing.virtual import Modem
+from zacoustic.core.base.sizes import SIZES, Sizes
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.streams.table import StreamTable
+from zacoustic.testing import SMALL_SIZES
+from zacoustic.testing.virtual import Disturb, Modem
 
 KINDS: Final = (
     "mixed", "foreign", "deaf", "late", "restored", "damaged", "killed", "clock", "crowded",
@@ -45,6 +50,34 @@ _MODEMS: Final = (
 )
 
 
+def _undisturbed(source: int, node: int, now: int) -> tuple[float, ...]:
+    return (0.0,)
+
+
+class Setting(msgspec.Struct, frozen=True, kw_only=True):
+    """What a fleet has beside one link of all nodes, and how long it is calm at the end."""
+
+    table: StreamTable | None = None
+    """The streams; None: those of `fleet.table`."""
+    rules: TransmitRules | dict[int, TransmitRules] = TransmitRules()
+    sizes: Sizes = SIZES
+    is_sealed: bool = False
+    mtu_bytes: Mapping[int, int] = {}
+    """Largest frame of single nodes, bytes."""
+    ends: tuple[int, ...] = ()
+    """The nodes that publish and receive; empty: all."""
+    beside: Scenario | None = None
+    """The medium of a second link, `RADIO`; None: there is none."""
+    disturb: Callable[[], Disturb] = lambda: _undisturbed
+    """Makes what the first link does with each frame, the same in each run."""
+    disturb_beside: Callable[[], Disturb] = lambda: _undisturbed
+    babbler: int | None = None
+    """A node that publishes twice a second without pause."""
+    is_polled: bool = False
+    """A node polls the others, for ever."""
+    calm_s: float = CALM_S
+
+
 class Hostile(msgspec.Struct, frozen=True, kw_only=True):
     """One scenario."""
 
@@ -64,6 +97,8 @@ class Hostile(msgspec.Struct, frozen=True, kw_only=True):
     """All nodes speak at the same instants."""
     restarts: tuple[tuple[float, int, bool], ...]
     """``(instant, node, reboots)`` of crashes that the drive makes, s."""
+    setting: Setting = Setting()
+    """What the fleet has beside one link."""
 
 
 def hostile(seed: int) -> Hostile:
@@ -114,6 +149,13 @@ def hostile(seed: int) -> Hostile:
         together=kind == "deaf" or rng.random() < 0.2,
         restarts=tuple(restarts),
     )
+
+
+def small(seed: int) -> Hostile:
+    """Draw the scenario of a seed, with the number windows of `SMALL_SIZES`."""
+    drawn = hostile(seed)
+    setting = msgspec.structs.replace(drawn.setting, sizes=SMALL_SIZES)
+    return msgspec.structs.replace(drawn, setting=setting)
 
 
 def _faults(

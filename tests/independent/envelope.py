@@ -99,7 +99,7 @@ def uncobs(data: bytes) -> bytes:
     return bytes(out)
 
 
-def stream_frames(data: bytes, mtu: int | None = None) -> list[bytes]:
+def stream_frames(data: bytes, mtu: int = 0) -> list[bytes]:
     """Cut a byte stream into frames, each with its two zero bytes; longer pieces are skipped."""
-    frames = [b"\0" + part + b"\0" for part in data.split(b"\0") if part]
-    return [one for one in frames if mtu is None or len(one) <= mtu]
+    parts = [part for part in data.split(b"\0") if part]
+    return [b"\0" + part + b"\0" for part in parts if len(part) <= max(mtu, 4096)]

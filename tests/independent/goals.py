@@ -86,11 +86,6 @@ def read_refusal(cursor: Cursor) -> Refusal:
     return Refusal(failure, attempt, text)
 
 
-def is_listed(status: int) -> bool:
-    """Tell whether a status of RESULT is one that the page lists."""
-    return status in (UNKNOWN, REMINDER) or status & ~NO_RESULT_FOLLOWS in STATUSES
-
-
 def has_result(status: int) -> bool:
     return not status & NO_RESULT_FOLLOWS
 

@@ -444,8 +444,8 @@ class Node:
     def handle(self, data: bytes, now: float, addresses: tuple[int, int] | None = None) -> None:
         """Take a frame from the link. `addresses`: destination and source, if the link has them."""
         try:
-            if len(data) > self.link.mtu:
-                raise ReadError("longer than the MTU")
+            if len(data) > max(self.link.mtu, 4096) + 2:  # the two zero bytes of a byte stream
+                raise ReadError("longer than 4096 bytes and than the MTU")
             opened = envelope.unwrap(data, self.link.capabilities, addresses=addresses)
             if not envelope.is_for(opened, self.address):
                 raise ReadError("for another node, or of this one")

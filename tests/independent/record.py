@@ -119,15 +119,16 @@ def read(cursor: Cursor, way: Way) -> Record:
     """Take a record. If its payload shows no end, it takes all that is there."""
     before = _prefixes(cursor, way)
     stream = way.table.stream(before.stream)
-    if before.acknowledges:
-        return _acknowledgement(cursor, stream, before)
     if isinstance(stream, Topic):
+        if before.acknowledges:
+            return _acknowledgement(cursor, stream, before)
         return _sample(cursor, way.table, stream, before)
-    if before.sync is not None or before.deletes or before.encoding is not None:
-        raise ReadError("only samples have prefixes")
-    if isinstance(stream, Service):
-        return _call(cursor, way, stream)
-    return _goal(cursor, way, stream)
+    if before != _Before(before.stream, None, None, None, False, False):
+        raise ReadError("only records of topics have prefixes")
+    one = _call(cursor, way, stream) if isinstance(stream, Service) else _goal(cursor, way, stream)
+    if one.head.from_server and way.broadcast:
+        raise EndedError("a server's records go to one client")
+    return one
 
 
 def _prefixes(cursor: Cursor, way: Way | None = None) -> _Before:
@@ -151,26 +152,25 @@ def _prefixes(cursor: Cursor, way: Way | None = None) -> _Before:
             raise ReadError("no stream")
 
 
-def _wildcards(cursor: Cursor, stream: Topic) -> tuple[str, ...]:
-    values = []
-    for wildcard in stream.wildcards:
-        place = cursor.number(1)
+def _values(stream: Topic, places: bytes) -> tuple[str, ...]:
+    """Return the wildcard values of a content that has been taken."""
+    for wildcard, place in zip(stream.wildcards, places, strict=True):
         if place >= len(wildcard.values):
-            raise ReadError(f"no such {wildcard.name}")
-        values.append(wildcard.values[place])
-    return tuple(values)
+            raise EndedError(f"no such {wildcard.name}")
+    wildcards = zip(stream.wildcards, places, strict=True)
+    return tuple(wildcard.values[place] for wildcard, place in wildcards)
 
 
-def _acknowledgement(cursor: Cursor, stream: object, before: _Before) -> Acknowledgement:
-    wildcards = _wildcards(cursor, stream) if isinstance(stream, Topic) else ()
+def _acknowledgement(cursor: Cursor, stream: Topic, before: _Before) -> Acknowledgement:
+    places = cursor.take(len(stream.wildcards))
     holding = reliable.read_holding(cursor)
-    if not isinstance(stream, Topic) or not stream.reliable:
+    if not stream.reliable:
         raise EndedError("no reliable topic")
-    return Acknowledgement(before.node, stream.id, wildcards, holding, before.sync)
+    return Acknowledgement(before.node, stream.id, _values(stream, places), holding, before.sync)
 
 
 def _sample(cursor: Cursor, table: Table, topic: Topic, before: _Before) -> Sample:
-    wildcards = _wildcards(cursor, topic)
+    places = cursor.take(len(topic.wildcards))
     number = None
     in_rhythm = False
     if topic.reliable:
@@ -181,7 +181,14 @@ def _sample(cursor: Cursor, table: Table, topic: Topic, before: _Before) -> Samp
         age_s = read_age(cursor) if topic.aged else None
         payload = _payload(cursor, table, topic.type, topic.codec)
     return Sample(
-        topic.id, wildcards, payload, before.encoding, number, in_rhythm, age_s, before.sync
+        topic.id,
+        _values(topic, places),
+        payload,
+        before.encoding,
+        number,
+        in_rhythm,
+        age_s,
+        before.sync,
     )
 
 
@@ -203,8 +210,6 @@ def _payload(cursor: Cursor, table: Table, name: str | None, codec: str = "cbor"
 def _call(cursor: Cursor, way: Way, service: Service) -> Call:
     server = cursor.number(1) if service.server is None else None
     from_server = way.source == (service.server or server)
-    if from_server and way.broadcast:
-        raise ReadError("an answer goes to its client")
     head = calls.read_head(cursor, from_server=from_server)
     if head.kind == calls.CONFIRM:
         return Call(service.id, head, None, server)
@@ -220,8 +225,6 @@ def _call(cursor: Cursor, way: Way, service: Service) -> Call:
 
 def _goal(cursor: Cursor, way: Way, action: Action) -> Goal:
     from_server = way.source == action.server
-    if from_server and way.broadcast:
-        raise ReadError("a goal's records go to its client")
     head = goals.read_head(cursor, from_server=from_server)
     name = head.operation
     if name == "GOAL":
@@ -238,9 +241,6 @@ def _goal(cursor: Cursor, way: Way, action: Action) -> Goal:
         return Goal(action.id, head, attempt=cursor.number(1))
     if name == "RESULT":
         status = cursor.number(1)
-        if not goals.is_listed(status):
-            cursor.rest()  # It ends the goal with failure 5.
-            return Goal(action.id, head, status=status)
         if not goals.has_result(status):
             return Goal(action.id, head, status=status)
         return Goal(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from tests.independent.cursor import Cursor
-from tests.independent.errors import ReadError
+from tests.independent.errors import EndedError, ReadError
 
 SYNC, ACK = 0xB8, 0xB9
 RHYTHM = 0x80
@@ -71,9 +71,9 @@ def read_holding(cursor: Cursor) -> Holding:
     if first == _MORE and not bits and not place:
         return Holding(0, (), knows_lineage=False)
     if not byte:
-        raise ReadError("a byte that says nothing")
+        raise EndedError("a byte that says nothing")
     if bits >> _FARTHEST:
-        raise ReadError("no number so far ahead is in use")
+        raise EndedError("no number so far ahead is in use")
     beyond = tuple(bit + 1 for bit in range(bits.bit_length()) if bits >> bit & 1)
     return Holding(first & 127, beyond)
 

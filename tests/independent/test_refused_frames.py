@@ -1,4 +1,4 @@
-"""Every frame of refusals.json: refused, with as much of it lost as stated, and the rest read."""
+"""Every frame of refusals.json and ends.json: as much of it is lost as stated, the rest is read."""
 
 import random
 from typing import Any
@@ -12,7 +12,7 @@ from tests.independent.fleet import TABLES
 from tests.independent.minimal import Link, Node, NotRead
 from tests.independent.record import Way
 
-VECTORS = fleet.load("refusals.json")
+VECTORS = [*fleet.load("refusals.json"), *fleet.load("ends.json")]
 _DELIMITED = Capabilities(addresses=True, checks=True, delimits=True)
 
 

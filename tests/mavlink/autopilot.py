@@ -2,7 +2,7 @@
 
 It knows pymavlink and nothing of zacoustic. On standard input it takes lines: `refuse TEXT` (the
 next command is DENIED, and TEXT says why), `mute` (it acknowledges nothing), `speak`. On standard
-output it prints one JSON object for each message that it gets.
+output it prints one JSON object for each message that it gets, with its monotonic instant, s.
 """
 
 import contextlib
@@ -103,7 +103,8 @@ class Autopilot:
         name = message.get_type()
         if name == "BAD_DATA":
             return
-        print(json.dumps({"from": message.get_srcSystem(), **message.to_dict()}), flush=True)
+        head = {"from": message.get_srcSystem(), "at": time.monotonic()}
+        print(json.dumps({**head, **message.to_dict()}), flush=True)
         if name in ("COMMAND_LONG", "COMMAND_INT"):
             self.execute(message)
 

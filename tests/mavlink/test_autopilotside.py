@@ -1,5 +1,7 @@
 """The vehicle's engine: what it says to the autopilot, when, and what it answers."""
 
+import pytest
+
 from tests.mavlink.messages import (
     ARMED_GUIDED,
     SECOND,
@@ -13,9 +15,10 @@ from tests.mavlink.messages import (
 )
 from zacoustic.mavlink.autopilot import AutopilotSide, answer_value
 from zacoustic.mavlink.commands import Answer
-from zacoustic.mavlink.dialect import Message
+from zacoustic.mavlink.dialect import Message, Received
+from zacoustic.mavlink.execution import NO_ANSWER
 
-ARM = {"arm": True, "force": False, "order": None}
+ARM = {"arm": True, "force": False, "given": None}
 SHORE = 1
 
 
@@ -161,55 +164,195 @@ def test_in_progress_gives_an_autopilot_more_time_and_no_repetition() -> None:
     assert Done(side).replies == [(1, "accepted", "")]
 
 
-def test_commands_of_one_id_wait_for_each_other_and_others_do_not() -> None:
+def test_commands_go_one_after_the_other() -> None:
     side = heard_side()
     side.handle_request(1, "arm", ARM, None, 0)
     side.handle_request(2, "arm", {**ARM, "arm": False}, None, 0)
-    side.handle_request(3, "abort", {"action": "land"}, None, 0)
+    side.handle_request(3, "mode", {"base_mode": 1, "custom_mode": 4, "custom_submode": 0}, None, 0)
     sent = [(each["command"], each["param1"]) for each in Done(side).named("COMMAND_LONG")]
-    assert sent == [(400, 1), (21, 0)]
+    assert sent == [(400, 1)]
     side.handle_message(of_vehicle(ack(400, 0)), SECOND)
     done = Done(side)
     assert done.replies == [(1, "accepted", "")]
     assert [each["param1"] for each in done.named("COMMAND_LONG")] == [0]
+    side.handle_message(of_vehicle(ack(400, 5)), SECOND)
+    assert [each["command"] for each in Done(side).named("COMMAND_LONG")] == [176], "it is there"
 
 
 def result_of(
-    side: AutopilotSide, order: int | None, now: int, *, client: int = SHORE, service: str = "arm"
+    side: AutopilotSide, given: int | None, now: int, *, client: int = SHORE, service: str = "arm"
 ) -> str:
     value = ARM if service == "arm" else {"action": "land"}
     side.handle_message(of_vehicle(ARMED_GUIDED), now)
-    side.handle_request(1, service, {**value, "order": order}, client, now)
+    side.handle_request(1, service, {**value, "given": given}, client, now)
     side.handle_message(of_vehicle(ack(400 if service == "arm" else 21, 0)), now)
     (reply,) = Done(side).replies
     return reply[1]
 
 
-FIRST_RUN, SECOND_RUN = 5 << 16, 9 << 16
+def dated_side() -> AutopilotSide:
+    """An engine whose clock is at 61 s at instant 0."""
+    return heard_side(clock_ms=61_000)
 
 
 def test_a_command_that_a_later_one_has_overtaken_is_not_executed() -> None:
+    side = dated_side()
+    assert result_of(side, 61_002, 3 * SECOND) == "accepted"
+    assert result_of(side, 61_001, 3 * SECOND) == "superseded"
+    assert result_of(side, 61_003, 3 * SECOND) == "accepted"
+    assert result_of(side, 61_002, 3 * SECOND, client=4) == "superseded", "whoever gave it"
+    assert result_of(side, None, 3 * SECOND) == "accepted", "of a program that says no time"
+
+
+def test_a_second_bridge_locks_nobody_out() -> None:
+    side = dated_side()
+    given = [61_000 + 500 * count for count in range(8)]
+    results = [result_of(side, each, SECOND * 4) for each in given]  # of two, in turn
+    assert results == ["accepted"] * 8
+
+
+def test_a_command_is_not_executed_once_its_station_has_given_up() -> None:
+    side = dated_side()
+    assert result_of(side, 61_000, 59 * SECOND) == "accepted"
+    assert result_of(side, 61_000, 61 * SECOND) == "expired"
+    assert result_of(side, 61_000, 3600 * SECOND) == "expired"
+    assert result_of(side, 61_000, 3600 * SECOND, service="abort") == "accepted"
+
+
+def test_a_late_command_is_no_sign_of_shore() -> None:
+    side = dated_side()
+    keep_heard(side, 0, 100 * SECOND)
+    Done(side)
+    value = {**ARM, "given": 61_000}
+    side.handle_request(1, "arm", value, SHORE, 100 * SECOND, is_shore=True)
+    assert "ground_station" not in Done(side).events
+
+
+def test_a_command_that_waits_too_long_at_the_autopilot_is_not_sent() -> None:
+    side = dated_side()
+    now = keep_heard(side, 0, 55 * SECOND)
+    for number in (1, 2):
+        value = {"arm": number == 1, "force": False, "given": 61_000 + number}
+        side.handle_request(number, "arm", value, SHORE, now)
+    keep_heard(side, now, 80 * SECOND)
+    done = Done(side)
+    assert [each["param1"] for each in done.named("COMMAND_LONG") if each["command"] == 400] == (
+        [1.0] * 4
+    )
+    assert [each[:2] for each in done.replies] == [(1, "no_answer"), (2, "expired")]
+
+
+@pytest.mark.parametrize("clock_ms", [61_000, 2**32 - 1])
+def test_reports_carry_the_time_by_which_commands_are_judged(clock_ms: int) -> None:
+    side = heard_side(clock_ms=clock_ms)
+    side.handle_message(of_vehicle(report()), 2 * SECOND)
+    assert [each.value["clock"] for each in Done(side).published] == [(clock_ms + 2000) % 2**32]
+    assert result_of(side, clock_ms, 4 * SECOND) == "accepted"
+    assert result_of(side, (clock_ms + 5000) % 2**32, 4 * SECOND) == "accepted", "clocks differ"
+
+
+def test_nothing_from_before_a_restart_of_the_bridge_is_executed() -> None:
+    for clock_ms in (500_000, 2**31 + 61_000):
+        side = heard_side(clock_ms=clock_ms)
+        assert result_of(side, 61_000, 3 * SECOND) == "expired"
+
+
+def test_an_abort_is_never_too_old_and_what_came_before_it_is() -> None:
+    side = dated_side()
+    assert result_of(side, 61_002, 3 * SECOND) == "accepted"
+    assert result_of(side, 61_001, 3 * SECOND, service="abort") == "accepted"
+    assert result_of(side, None, 3 * SECOND, service="abort") == "accepted", "of the gateway itself"
+    assert result_of(side, 63_000, 4 * SECOND) == "superseded"
+    assert result_of(side, 64_001, 4 * SECOND) == "accepted"
+
+
+def test_an_abort_goes_at_once_and_nothing_from_before_it_goes_after_it() -> None:
     side = heard_side()
-    assert result_of(side, FIRST_RUN + 2, 0) == "accepted"
-    assert result_of(side, FIRST_RUN + 1, 0) == "superseded"
-    assert result_of(side, FIRST_RUN + 3, 0) == "accepted"
-    assert result_of(side, FIRST_RUN + 1, 0, client=4) == "accepted", "of another shore"
-    assert result_of(side, None, 0) == "accepted", "of a program that counts nothing"
+    side.handle_request(1, "arm", ARM, None, 0)
+    side.handle_request(2, "arm", {**ARM, "arm": False}, None, 0)
+    side.handle_request(3, "abort", {"action": "land"}, None, 0)
+    done = Done(side)
+    sent = [(each["command"], each["param1"]) for each in done.named("COMMAND_LONG")]
+    assert sent == [(400, 1), (21, 0)]
+    assert [each[:2] for each in done.replies] == [(2, "superseded")]
+    keep_heard(side, 0, 2 * SECOND)
+    side.handle_message(of_vehicle(ack(21, 0)), 2 * SECOND)
+    keep_heard(side, 2 * SECOND, 20 * SECOND)
+    done = Done(side)
+    assert {each["command"] for each in done.named("COMMAND_LONG")} <= {21, 511}
+    assert [each[:2] for each in done.replies] == [(1, "no_answer"), (3, "accepted")]
 
 
-def test_what_a_restarted_bridge_left_on_its_way_is_not_executed() -> None:
+def test_a_late_second_acknowledgement_does_not_end_the_next_command() -> None:
     side = heard_side()
-    assert result_of(side, FIRST_RUN + 1, 0) == "accepted"
-    assert result_of(side, SECOND_RUN + 1, SECOND) == "accepted"
-    assert result_of(side, FIRST_RUN + 2, 60 * SECOND) == "superseded"
-    assert result_of(side, FIRST_RUN + 3, 121 * SECOND) == "accepted", "a second bridge"
-    assert result_of(side, SECOND_RUN + 2, 121 * SECOND) == "accepted"
+    side.handle_request(1, "arm", ARM, None, 0)
+    keep_heard(side, 0, 2 * SECOND)
+    side.handle_message(of_vehicle(ack(400, 0)), 2 * SECOND)
+    side.handle_request(2, "arm", {**ARM, "arm": False}, None, 2 * SECOND)
+    Done(side)
+    side.handle_message(of_vehicle(ack(400, 0)), 3 * SECOND)
+    assert Done(side).replies == []
+    side.handle_message(of_vehicle(ack(400, 2)), 3 * SECOND)
+    assert Done(side).replies == [(2, "denied", "")]
 
 
-def test_an_abort_is_never_too_old() -> None:
+def test_a_copy_of_an_acknowledgement_is_none() -> None:
     side = heard_side()
-    assert result_of(side, FIRST_RUN + 2, 0) == "accepted"
-    assert result_of(side, FIRST_RUN + 1, 0, service="abort") == "accepted"
+    copied = Received(message=ack(400, 0), system=VEHICLE, component=1, sequence=17)
+    side.handle_request(1, "arm", ARM, None, 0)
+    side.handle_message(copied, 0)
+    side.handle_request(2, "arm", {**ARM, "arm": False}, None, 0)
+    side.handle_message(copied, SECOND)
+    assert [each[0] for each in Done(side).replies] == [1]
+
+
+def test_a_lost_acknowledgement_costs_the_next_command_a_repetition() -> None:
+    side = heard_side()
+    side.handle_request(1, "arm", ARM, None, 0)
+    keep_heard(side, 0, 9 * SECOND)  # five sendings, no acknowledgement
+    side.handle_request(2, "arm", {**ARM, "arm": False}, None, 9 * SECOND)
+    Done(side)
+    now = 9 * SECOND
+    for sent in range(1, 7):
+        side.handle_message(of_vehicle(ack(400, 0)), now)
+        assert len(Done(side).replies) == (sent == 6)
+        now = keep_heard(side, now, now + 2 * SECOND)
+
+
+def test_a_refusal_of_a_repetition_says_nothing_about_the_first() -> None:
+    side = heard_side()
+    side.handle_request(1, "arm", ARM, None, 0)
+    keep_heard(side, 0, 2 * SECOND)
+    side.handle_message(of_vehicle(ack(400, 2)), 2 * SECOND)
+    assert Done(side).replies == []
+    keep_heard(side, 2 * SECOND, 5 * SECOND)
+    assert Done(side).replies == [(1, "no_answer", "denied once; another try may have been done")]
+
+
+def test_what_is_in_progress_too_long_makes_the_next_answer_doubtful() -> None:
+    side = heard_side()
+    side.handle_request(1, "arm", ARM, None, 0)
+    keep_heard(side, 0, 9 * SECOND)
+    side.handle_request(2, "arm", {**ARM, "arm": False}, None, 9 * SECOND)
+    side.handle_message(of_vehicle(ack(400, 5)), 9 * SECOND)  # of the first
+    Done(side)
+    for _ in range(6):
+        side.handle_message(of_vehicle(ack(400, 0)), 10 * SECOND)
+    assert Done(side).replies == [(2, "no_answer", NO_ANSWER)]
+
+
+def test_only_what_the_autopilot_says_just_before_it_refuses_is_the_reason() -> None:
+    text = {"severity": 4, "text": "Battery 1 low", "id": 0, "chunk_seq": 0}
+    side = heard_side()
+    side.handle_message(of_vehicle(Message("STATUSTEXT", text)), 0)
+    side.handle_request(1, "arm", ARM, None, SECOND // 2)
+    side.handle_message(of_vehicle(Message("STATUSTEXT", text)), SECOND)
+    side.handle_message(of_vehicle(ack(400, 4)), 2 * SECOND + 1)
+    assert Done(side).replies == [(1, "failed", "")]
+    side.handle_request(2, "arm", ARM, None, 3 * SECOND)
+    side.handle_message(of_vehicle(Message("STATUSTEXT", text)), 3 * SECOND)
+    keep_heard(side, 3 * SECOND, 12 * SECOND)
+    assert Done(side).replies == [(2, "no_answer", NO_ANSWER)], "never in place of this"
 
 
 def test_acknowledgements_for_another_ground_station_are_not_ours() -> None:
@@ -217,6 +360,8 @@ def test_acknowledgements_for_another_ground_station_are_not_ours() -> None:
     side.handle_request(1, "arm", ARM, None, 0)
     theirs = {"command": 400, "result": 0, "target_system": 254}
     side.handle_message(of_vehicle(Message("COMMAND_ACK", theirs)), 0)
+    of_a_program = {**theirs, "target_system": 255, "target_component": 230}
+    side.handle_message(of_vehicle(Message("COMMAND_ACK", of_a_program)), 0)
     assert Done(side).replies == []
 
 

@@ -6,7 +6,9 @@ Both bridges are processes of their own, and so is the autopilot, which knows py
 
 import asyncio
 import json
+import socket
 import sys
+import time
 from asyncio.subprocess import PIPE, Process
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -181,6 +183,15 @@ def test_a_ground_station_commands_an_autopilot_and_learns_of_every_loss(tmp_pat
             assert (beat["base_mode"], beat["custom_mode"]) == (1, 19)
             assert (await pilot.next("HEARTBEAT"))["from"] == GROUND[0]
 
+            # Others at the bridge's port take nothing from the autopilot.
+            foreign = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+            for data in (b"probe", station.packets.pack(STATION, system=3, component=1)):
+                foreign.sendto(data, ("127.0.0.1", vehicle_port))
+            assert (await notice(vehicle, "other"))["is_trouble"]
+            known_at = time.monotonic()
+            while (await pilot.next("HEARTBEAT"))["at"] < known_at:
+                pass
+
             # A command that is repeated is executed once, and its answer is the autopilot's.
             for confirmation in (0, 1, 2):
                 station.send(command_long(400, 1, confirmation=confirmation))
@@ -204,6 +215,10 @@ def test_a_ground_station_commands_an_autopilot_and_learns_of_every_loss(tmp_pat
             assert text["text"] == "auv1: no report for 3 s"
             assert (await notice(shore, "vehicle_lost"))["is_trouble"]
             await all_of(vehicle, {"ground_station_lost", "autopilot_lost"})
+            # Nothing but an abort is passed on to a vehicle that is not heard.
+            station.send(command_long(400, 1))
+            refused = await station.next("COMMAND_ACK")
+            assert (refused["command"], refused["result"]) == (400, 1)
             # The gateway of the vehicle itself is no sign of shore.
             session = stack.enter_context(networks[1].client())
             replies = await get(

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import pytest
+
 from tests.mavlink.messages import (
     ARMED_GUIDED,
     GROUND,
@@ -32,16 +34,26 @@ from zacoustic.mavlink.telemetry import value_of
 
 ACCEPTED = Answer("accepted")
 ARM = command_long(400, 1)
+LAND, GUIDED = command_long(21), command_long(176, 1, 4)
+GOTO = command_int(192, -1, 1, 0, 0.0, 10, 20, 5)
+SET_GUIDED = Message("SET_MODE", {"target_system": VEHICLE, "base_mode": 1, "custom_mode": 4})
+
+
+def item(command: int, current: int = 2) -> Message:
+    """A guided MISSION_ITEM_INT."""
+    fields: dict[str, Any] = {"target_system": VEHICLE, "target_component": 1, "frame": 6}
+    fields |= {"command": command, "current": current, "x": 10, "y": 20, "z": 5.0}
+    return Message("MISSION_ITEM_INT", {**fields, **{f"param{at}": 0.0 for at in range(1, 5)}})
 
 
 def sample(**changed: int) -> dict[str, Any]:
-    return value_of(report(**changed), ARMED_GUIDED, VEHICLE)
+    return value_of(report(**changed), ARMED_GUIDED, VEHICLE) | {"clock": 61_000}
 
 
 def new_side(**arguments: Any) -> StationSide:
     return StationSide(
         "auv1",
-        **{"run": 3, "ground_every_s": 20, "lost_after_s": 90, "now": 0, **arguments},
+        **{"ground_every_s": 20, "lost_after_s": 90, "now": 0, **arguments},
     )
 
 
@@ -130,7 +142,7 @@ def test_a_command_is_one_call_however_often_it_is_repeated() -> None:
         )
     done = Done(side)
     (call,) = done.calls
-    assert (call.service, call.value["arm"], call.value["order"]) == ("arm", True, (3 << 16) + 1)
+    assert (call.service, call.value["arm"]) == ("arm", True)
     assert done.acks == [(400, 5)] * 3
     side.handle_answer(call.number, ACCEPTED, 3 * SECOND)
     side.handle_message(of_ground(command_long(400, 1, confirmation=3)), 4 * SECOND)
@@ -147,16 +159,15 @@ def test_the_same_command_given_anew_is_a_new_call() -> None:
     assert len(Done(side).calls) == 1
 
 
-def test_a_command_that_cannot_say_that_it_is_repeated_shares_the_answer_for_five_seconds() -> None:
-    side = heard_side()
-    goto = command_int(192, -1, 1, 0, 0.0, 10, 20, 5)
-    side.handle_message(of_ground(goto), 0)
-    side.handle_answer(Done(side).calls[0].number, ACCEPTED, SECOND)
-    side.handle_message(of_ground(goto), 4 * SECOND)
-    done = Done(side)
-    assert (done.calls, done.acks) == ([], [(192, 0), (192, 0)])
-    side.handle_message(of_ground(goto), 6 * SECOND)
-    assert len(Done(side).calls) == 1
+def test_a_command_that_cannot_say_that_it_is_repeated_is_new_after_the_answer() -> None:
+    for message in (GOTO, SET_GUIDED, item(16)):
+        side = heard_side()
+        side.handle_message(of_ground(message), 0)
+        side.handle_message(of_ground(message), SECOND)
+        (call,) = Done(side).calls
+        side.handle_answer(call.number, ACCEPTED, 2 * SECOND)
+        side.handle_message(of_ground(message), 2 * SECOND + 1)
+        assert len(Done(side).calls) == 1
 
 
 def test_after_another_command_of_the_service_nothing_is_a_repetition() -> None:
@@ -168,12 +179,124 @@ def test_after_another_command_of_the_service_nothing_is_a_repetition() -> None:
         side.handle_answer(call.number, ACCEPTED, 0)
 
 
-def test_commands_are_numbered_in_the_order_in_which_they_were_given() -> None:
+@pytest.mark.parametrize("is_answered", [True, False])
+@pytest.mark.parametrize(
+    ("same", "other"),
+    [(LAND, GUIDED), (LAND, SET_GUIDED), (GOTO, LAND), (SET_GUIDED, LAND), (item(16), GOTO)],
+)
+def test_after_any_other_command_the_same_one_is_new(
+    same: Message, other: Message, is_answered: bool
+) -> None:
     side = heard_side()
-    for message in (ARM, command_long(400, 0), command_long(21)):
+    for message in (same, other, same):
         side.handle_message(of_ground(message), 0)
-    orders = [each.value["order"] & 0xFFFF for each in Done(side).calls]
-    assert orders == [1, 2, 3]
+        (call,) = Done(side).calls
+        if is_answered:
+            side.handle_answer(call.number, ACCEPTED, 0)
+
+
+def test_an_answer_that_comes_after_a_later_command_is_not_remembered() -> None:
+    side = heard_side()
+    calls = []
+    for message in (GOTO, SET_GUIDED):
+        side.handle_message(of_ground(message), 0)
+        calls += Done(side).calls
+    for call in reversed(calls):
+        side.handle_answer(call.number, ACCEPTED, 0)
+    side.handle_message(of_ground(GOTO), 0)
+    assert len(Done(side).calls) == 1
+
+
+@pytest.mark.parametrize("confirmation", [0, 1])
+def test_an_abort_is_never_answered_from_memory(confirmation: int) -> None:
+    side = heard_side()
+    side.handle_message(of_ground(LAND), 0)
+    side.handle_answer(Done(side).calls[0].number, ACCEPTED, 0)
+    side.handle_message(of_ground(command_long(21, confirmation=confirmation)), 1)
+    assert len(Done(side).calls) == 1
+
+
+def test_a_command_under_way_is_shared_if_the_station_says_that_it_repeats_it() -> None:
+    side = heard_side()
+    for message in (GUIDED, LAND, command_long(176, 1, 4, confirmation=1)):
+        side.handle_message(of_ground(message), 0)
+    assert [each.service for each in Done(side).calls] == ["mode", "abort"]
+
+
+def test_a_command_gets_no_acknowledgement_that_would_be_taken_for_that_of_a_later_one() -> None:
+    for first, second, third in (
+        (ARM, command_long(400, 0), GUIDED),
+        (item(16), item(20), SET_GUIDED),
+    ):
+        side = heard_side()
+        for message in (first, second, third):
+            side.handle_message(of_ground(message), 0)
+        calls = Done(side).calls
+        side.handle_answer(calls[0].number, ACCEPTED, 0)
+        done = Done(side)
+        assert [each.name for each in done.sent] == ["STATUSTEXT"]
+        assert done.sent[0].fields["text"] == f"an earlier {calls[0].service}: accepted".encode()
+        run_until(side, 0, SECOND)
+        side.handle_answer(calls[1].number, ACCEPTED, SECOND)
+        assert Done(side).sent[-1].name in ("COMMAND_ACK", "MISSION_ACK")
+
+
+@pytest.mark.parametrize("was_heard", [True, False])
+def test_while_the_vehicle_is_not_heard_only_an_abort_is_passed_on(was_heard: bool) -> None:
+    side = heard_side() if was_heard else new_side()
+    now = run_until(side, 0, 100 * SECOND)
+    Done(side)
+    for message, ends in (
+        (ARM, [("COMMAND_ACK", 1)]),
+        (SET_GUIDED, [("COMMAND_ACK", 1)]),
+        (GOTO, [("COMMAND_ACK", 1)]),
+        (item(16), [("MISSION_ACK", 1)]),
+    ):
+        side.handle_message(of_ground(message), now)
+        done = Done(side)
+        found = [each for each in done.sent if each.name != "STATUSTEXT"]
+        assert [(each.name, each.fields.get("result", 1)) for each in found] == ends
+        assert (done.calls, done.events) == ([], ["refused"])
+    side.handle_message(of_ground(LAND), now)
+    assert [each.service for each in Done(side).calls] == ["abort"]
+    side.handle_telemetry(sample(), 0.0, now)
+    side.handle_message(of_ground(ARM), now)
+    assert [each.service for each in Done(side).calls] == ["arm"]
+
+
+@pytest.mark.parametrize("message", [LAND, GOTO, item(16)])
+def test_a_command_that_is_given_again_after_a_while_is_new(message: Message) -> None:
+    side = heard_side()
+    for at in (0, 3 * SECOND, 6 * SECOND):  # a station that repeats
+        side.handle_message(of_ground(message), at)
+    assert len(Done(side).calls) == 1
+    side.handle_message(of_ground(message), 10 * SECOND)
+    assert len(Done(side).calls) == 1
+
+
+def test_the_time_of_the_vehicle_is_that_of_the_report_with_the_least_delay() -> None:
+    side = heard_side()
+    side.handle_telemetry(sample() | {"clock": 69_000}, 0.0, 10 * SECOND)  # two seconds late
+    side.handle_message(of_ground(ARM), 10 * SECOND)
+    side.handle_telemetry(sample() | {"clock": 4_000_000_000}, 0.0, 20 * SECOND)  # restarted
+    side.handle_message(of_ground(LAND), 21 * SECOND)
+    side.handle_telemetry(sample() | {"clock": 4_000_008_000}, 2.0, 30 * SECOND)
+    side.handle_message(of_ground(ARM), 31 * SECOND)
+    given = [each.value["given"] for each in Done(side).calls]
+    assert given == [71_000, 4_000_001_000, 4_000_011_000]
+
+
+def test_a_refused_mission_item_is_refused_as_one() -> None:
+    side = heard_side()
+    side.handle_message(of_ground(item(22)), 0)
+    assert [each.name for each in Done(side).sent] == ["MISSION_ACK"]
+
+
+def test_a_command_carries_the_time_of_the_vehicle_and_each_a_later_one() -> None:
+    side = heard_side()  # at 61 s of the vehicle
+    for at, message in ((0, ARM), (0, command_long(400, 0)), (5 * SECOND, command_long(21))):
+        side.handle_message(of_ground(message), at)
+    assert [each.value["given"] for each in Done(side).calls] == [61_000, 61_001, 66_000]
 
 
 def test_progress_is_reported_each_second_until_the_answer_and_never_of_a_lost_vehicle() -> None:

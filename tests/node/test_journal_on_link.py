@@ -7,9 +7,10 @@ import pytest
 
 from tests.node.fleet import SECTION, channel, config
 from tests.runtime.loop_checks import run
-from zacoustic import ConfigError, Node
+from zacoustic import ConfigError, DeliveryOutcome, Node
+from zacoustic.config import config_from_mapping
 from zacoustic.core.engine.events import PeerSeen
-from zacoustic.run.journal import Journal, SqliteJournal
+from zacoustic.run.journal import Journal, MemoryJournal, SqliteJournal
 from zacoustic_sim.medium import SimMedium
 
 
@@ -48,6 +49,37 @@ def test_each_life_of_a_node_has_another_epoch(tmp_path: Path, given: str) -> No
     run(main())
     assert path.is_file()
     assert not path.with_name("node-2.sqlite-wal").exists(), "closed"
+
+
+class Kept(MemoryJournal):
+    """A journal that shows what the last commit left."""
+
+    @property
+    def keys(self) -> set[str]:
+        return {*self._entries}
+
+
+def test_an_end_that_was_told_is_not_told_by_the_next_life() -> None:
+    journal = Kept()
+    log = {"id": 90, "topic": "log", "publishers": [2], "subscribers": [1]}
+    log |= {"reliability": "reliable", "depth": 8, "journal": True}
+    section = {**SECTION, "streams": [log]}
+
+    def node(address: int, medium: SimMedium) -> Node:
+        fleet = config_from_mapping(section, source="fleet.json5", address=address)
+        kept = journal if address == 2 else None
+        return Node(address, config=fleet, link=medium.link(address), journal=kept)
+
+    async def main() -> None:
+        with channel() as medium:
+            async with node(1, medium), node(2, medium) as auv:
+                delivery = auv.create_publisher(bytes, "log").publish(b"once")
+                assert delivery is not None
+                assert await delivery is DeliveryOutcome.DELIVERED
+        assert not [key for key in journal.keys if key.startswith("outcome/")]
+        assert [key for key in journal.keys if key.startswith("out/")], "its count stays"
+
+    run(main())
 
 
 def test_second_node_on_a_journal_is_refused_and_the_first_goes_on(tmp_path: Path) -> None:

@@ -17,6 +17,7 @@ from typing import Any, Final, TextIO
 import msgspec
 import pytest
 
+import tests.hostile.drive
 import tests.virtual.commandscenario
 from tests.hostile import foreign
 from tests.hostile.drive import Drive
@@ -212,5 +213,6 @@ def _watched(checker: Checker) -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         defaults: dict[str, Any] = VirtualNetwork.__init__.__kwdefaults__  # type: ignore[assignment]
         patch.setitem(defaults, "build", checker.make)
-        patch.setattr(tests.virtual.commandscenario, "Engine", checker.make)
+        for module in (tests.virtual.commandscenario, tests.hostile.drive):
+            patch.setattr(module, "Engine", checker.make)
         yield

@@ -33,9 +33,13 @@ from zacoustic.core.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.peers.ranging import RangeFailed
+from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, RemoteCommand
+from zacoustic.core.streams.routing import ROUTING_STREAM_ID
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.actions.events import GoalAnswered, GoalFailed, GoalRecovered
+from zacoustic.core.wire.routing import RoutingKind, RoutingRequest
 from zacoustic.link import Link, LinkConfig, LinkReceiver
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.replacement.faults import FREE, REPORT
@@ -229,11 +233,32 @@ def test_all_that_was_under_way_goes_on_or_is_told() -> None:
         runner.apply(lambda engine, now: engine.cancel_delivery(ids["kept"], now))
         bench.link.hear(POISON + b"once more")
         await bench.restarted(3)
+        # The end of a journalled sample is told once the journal has it.
+        await until(lambda: len(bench.got(DeliveryEnded)) >= 3, bench.changed)
         ended = [event for event in bench.events if isinstance(event, DeliveryEnded)]
         assert sorted(event.delivery_id for event in ended) == sorted(
             (ids["light"], ids["late"], ids["kept"])
         )
         assert len(bench.got(CallFailed)) == 1
+
+    on_a_bench(main)
+
+
+def test_every_question_to_another_node_is_answered() -> None:
+    async def main(bench: Bench) -> None:
+        asked: dict[int, int] = {}
+
+        def ask(engine: Engine, now: int) -> None:
+            asked[engine.call(20, b"?", now)] = 20
+            asked[engine.commands.send(2, RemoteCommand(), now)] = COMMANDS_STREAM_ID
+            asked[engine.status.ask(2, now, timeout_s=60.0)] = STATUS_STREAM_ID
+            heard = RoutingRequest(kind=RoutingKind.HEARD, run=1)
+            asked[engine.routing.send(2, heard, now)] = ROUTING_STREAM_ID
+
+        bench.runner.apply(ask)
+        bench.link.hear(POISON)
+        await bench.restarted()
+        assert {each.call_id: each.stream_id for each in bench.got(CallFailed)} == asked
 
     on_a_bench(main)
 

@@ -166,6 +166,31 @@ def test_both_sides_get_the_same_table_and_an_address_of_their_own() -> None:
     assert "EDIT:" not in files.text + files.peer_text
 
 
+@pytest.mark.parametrize(("further", "agreement"), [(3, "confirm"), (4, "tag"), (14, "tag")])
+def test_a_fleet_of_six_nodes_and_more_agrees_by_tags(further: int, agreement: str) -> None:
+    others = [Side(address=number, name=f"auv{number}") for number in range(3, 3 + further)]
+    files = write_files(survey(seen("auv1/nav", b"x")), others=others)
+    sections = [
+        parse_json5(text, source="file")["plugins"]["acoustic"]  # type: ignore[index]
+        for text in (files.text, files.peer_text)
+    ]
+    here, there = (config_from_mapping(each, source="file") for each in sections)
+    for each in (here, there):
+        assert len(each.nodes) == 2 + further
+        assert each.rules.agreement.value == agreement
+    assert here.table.digest == there.table.digest
+    config, profile = "fleet.json5", DEFAULT_PROFILE
+    scenario = write_traffic(files, here=HERE, there=THERE, others=others, config=config,
+                             profile=profile)  # fmt: skip
+    whole: Any = parse_json5(scenario, source="scenario")
+    assert [each["address"] for each in whole["nodes"]] == [*range(1, 3 + further)]
+
+
+def test_a_node_that_is_there_twice_is_an_error() -> None:
+    with pytest.raises(ConfigError, match="address"):
+        write_files(survey(seen("auv1/nav", b"x")), others=[Side(address=2, name="auv2")])
+
+
 def test_a_field_that_is_missing_at_times_is_optional() -> None:
     assert fields({"a": 1, "b": None}, {"a": 2, "b": 4})["b"]["optional"] is True
     assert fields({"a": 1}, {"a": 2, "b": 4})["b"]["optional"] is True

@@ -73,7 +73,7 @@ SCENARIO = {
     "nodes": [{"address": address, "position": [300 * address, 0, 10]} for address in (1, 2, 3, 4)],
     "traffic": [
         {"node": 2, "topic": "t", "every_s": 20, "size_bytes": 20},
-        {"node": 3, "topic": "t", "every_s": 4, "size_bytes": 40},
+        {"node": 3, "topic": "t", "every_s": 6, "size_bytes": 40},
     ],
 }
 CONFIG = """{ mode: "client", connect: { endpoints: ["tcp/localhost:1"] }, plugins: { acoustic: {

@@ -8,7 +8,8 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from zacoustic.app.tools.pages.visitors import Gatekeeper, Visitors, own_names
+from zacoustic.app.tools.pages.visitors import Visitors
+from zacoustic.run.web.gatekeeper import Gatekeeper, own_names
 
 
 def ask(*, has_left: bool, begins: bool = False) -> None:

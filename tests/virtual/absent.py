@@ -150,8 +150,8 @@ def run(
     airtime_ns = sum(capabilities.airtime_ns(each.size_bytes) for each in away)
     network.start(_ABSENT)
     until_s = _BACK_AT_S
-    while len(arrived) < len(awaited) and until_s < _BACK_AT_S + 1800:
-        until_s += 10
+    while len(arrived) < len(awaited) and until_s < _BACK_AT_S + 6 * 3600:
+        until_s += 10 if until_s < _BACK_AT_S + 1800 else 600
         network.run(until_s=until_s)
     return Outcome(
         frames=len(away),

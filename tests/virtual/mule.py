@@ -19,6 +19,7 @@ from zacoustic.core.engine.events import (
     Event,
     SampleReceived,
 )
+from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.specs import TopicSpec
@@ -30,6 +31,9 @@ LOG, PHOTO = 1, 2
 PERIOD_S: Final = 3600.0
 STAYS_S: Final = 300.0
 MODEM: Final = "evologics_s2c_18_34"
+HEARTBEAT_S: Final = 30.0
+HEARD: Final = TransmitRules(contact=ContactRules(heartbeat_s=HEARTBEAT_S))
+"""Who meets others for minutes must say that it is there: nobody calls out for ever."""
 
 
 def table(
@@ -107,7 +111,7 @@ class Voyage:
             return (0.0, *copies)
 
         more.setdefault("table", table(nodes=nodes))
-        more.setdefault("rules", TransmitRules())
+        more.setdefault("rules", HEARD)
         self.network = VirtualNetwork(
             medium(max(nodes), apart_m=300.0, profile=MODEM, loss=0.0, seed=seed),
             deliver=self._happened,

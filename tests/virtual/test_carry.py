@@ -28,6 +28,7 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import DeliveryOutcome
 from zacoustic.core.linktypes import ReceivedFrame
+from zacoustic.core.peers.contact import ContactRules
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.carry import CARRY_STREAM_ID, Carry
 from zacoustic.core.streams.table import StreamTable
@@ -142,7 +143,11 @@ def test_straight_way_that_opens_now_and_then_doubles_nothing(count: Callable[[i
 
 def test_large_samples_are_carried_as_well(count: Callable[[int], int]) -> None:
     for seed in range(count(20)):
-        voyage = Voyage(seed, loss=0.1)
+        # Whoever is out of earshot is lost, and needs no part of the channel.
+        lost_after_s = dict.fromkeys((1, 2, 3), 400.0)
+        contact = ContactRules(heartbeat_s=30.0, lost_after_s=lost_after_s)
+        rules = TransmitRules(contact=contact)
+        voyage = Voyage(seed, loss=0.1, rules=rules)
         photos = [random.Random(seed + each).randbytes(10_240) for each in range(3)]
         for index, photo in enumerate(photos):
             voyage.publish_at(30.0 + 3000 * index, photo, PHOTO)
@@ -275,7 +280,7 @@ def test_newer_samples_supersede_older_ones_beyond_the_depth() -> None:
 
 
 def test_idle_fleet_is_silent() -> None:
-    voyage = Voyage()
+    voyage = Voyage(rules=TransmitRules())
     voyage.network.run(until_s=24 * 3600)
     sent = sum(voyage.network.engine(each).stats.frames_transmitted for each in (1, 2, 3))
     assert sent == 0

@@ -13,7 +13,12 @@ import pytest
 
 from tests.virtual.fleet import line
 from zacoustic.core.base.qos import Qos, Reliability
-from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, SampleReceived
+from zacoustic.core.engine.events import (
+    DeliveryEnded,
+    DeliveryOutcome,
+    DeliveryStored,
+    SampleReceived,
+)
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.testing.virtual import VirtualNetwork
@@ -76,7 +81,8 @@ def _hand_over(seed: int, untold: float) -> int:
         if rng.random() < 0.6:
             medium.restart(rng.choice((1, 2)))
     medium.run(until_s=medium.now / 1e9 + 3600)
-    ended: set[int] = set()
+    stored: set[int] = set()
+    ended: dict[int, DeliveryOutcome] = {}
     first: set[bytes] = set()
     for node, event in medium.events:
         match event:
@@ -84,14 +90,17 @@ def _hand_over(seed: int, untold: float) -> int:
                 assert event.again or event.value not in first, f"seed {seed}: twice"
                 marked += event.again
                 first.add(event.value)
+            case DeliveryStored():
+                stored.add(event.delivery_id)
             case DeliveryEnded():
                 assert node == 1
-                assert event.delivery_id not in ended, f"seed {seed}: ended twice"
-                ended.add(event.delivery_id)
+                outcome = ended.setdefault(event.delivery_id, event.outcome)
+                assert outcome is event.outcome, f"seed {seed}: two ends"
                 if event.outcome is DeliveryOutcome.DELIVERED:
                     value = published[event.delivery_id]
                     assert value in first, f"seed {seed}: {value!r} was lost"
     assert medium.engine(1).delivering(LOG) == 0
+    assert stored <= ended.keys(), f"seed {seed}: an end was never told"
     return marked
 
 

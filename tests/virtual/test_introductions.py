@@ -36,7 +36,8 @@ def _lost_reports(period_s: float) -> int:
         medium.at(number * period_s, partial(medium.publish, 2, 1, report))
     # The first command is too early to confirm what the first report has introduced.
     for number in range(1, REPORTS, 2):
-        medium.at(number * period_s + 1.2, partial(medium.publish, 1, 2, b"go"))
+        # A report is spread by a quarter of its period at most.
+        medium.at((number + 0.25) * period_s + 1.2, partial(medium.publish, 1, 2, b"go"))
     medium.run(until_s=60 + REPORTS * period_s)
     assert len(medium.samples(2, 2)) == REPORTS // 2
     return REPORTS - len(medium.samples(1, 1))

@@ -8,6 +8,7 @@ other's carrier are an hour of ALOHA.
 """
 
 import random
+from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
@@ -17,7 +18,7 @@ from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.scenario import Scenario, scenario_from_mapping
 from zacoustic.core.base.qos import Priority, Qos, Reliability, Stamp
 from zacoustic.core.clock import NS_PER_S
-from zacoustic.core.engine.events import DeliveryEnded, DeliveryStored, Event
+from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, DeliveryStored, Event
 from zacoustic.core.streams.keys import Wildcard
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.testing.scenarios import (
@@ -44,17 +45,25 @@ _HEAD_BYTES: Final = 3 + 6 + 1 + 1 + 1 + 1
 
 
 class OneOutcome(Checker):
-    """A sample ends once; it is stored at most once, and not after its end."""
+    """A sample ends once; it is stored at most once, and not after its end.
+
+    A crash may come before the journal knows that an end was told: then it is told again.
+    """
 
     def __init__(self) -> None:
         super().__init__()
         self._published: dict[tuple[int, int], Publication] = {}
-        self._ended: set[int] = set()
+        self._ended: dict[int, tuple[DeliveryOutcome, int]] = {}
+        self._crashes = Counter[int]()
         self._stored: set[int] = set()
 
     def published(self, publication: Publication) -> None:
         """Remember it by its delivery id: later lives go on counting from what was kept."""
         self._published[publication.node, publication.result] = publication
+
+    def crashed(self, node: int, at: int) -> None:
+        """Another life begins."""
+        self._crashes[node] += 1
 
     def happened(self, node: int, event: Event, at: int) -> None:
         """Look for a second end, and for an end of nothing."""
@@ -66,13 +75,14 @@ class OneOutcome(Checker):
             return
         number, told = publication.number, f"{at / NS_PER_S:.3f} s: {event} is about {publication}"
         if isinstance(event, DeliveryStored):
-            if number in self._stored | self._ended:
+            if number in self._stored or number in self._ended:
                 self.violations.append(f"stored too late or twice: {told}")
             self._stored.add(number)
-        elif number in self._ended:
+            return
+        life, former = self._crashes[node], self._ended.get(number)
+        if former is not None and (former[0] is not event.outcome or former[1] == life):
             self.violations.append(f"ended twice: {told}")
-        else:
-            self._ended.add(number)
+        self._ended[number] = event.outcome, life
 
 
 class LastArrives(Checker):

@@ -229,19 +229,20 @@ def test_a_relay_with_the_key_forwards_no_forged_and_no_replayed_frame(
             line.network.at(60.0 * number, partial(line.publish, KEPT, b"%d" % number))
         line.network.run(until_s=HOUR_S)
         before = line.network.engine(2).stats.frames_transmitted
-        recorded = [each for each in heard if each[:1] == b"\xbf" and each[1] & 31 == 1]
-        assert len(recorded) >= 10
+        assert len(heard) >= 10
         strange = [
-            *recorded,  # as they were, under their numbers and others
-            *(bytes((0xBF, 1, rng.randrange(256))) + each[3:] for each in recorded),
+            *heard,  # as they were, damaged, and in clear
+            *(each[:-1] + bytes((each[-1] ^ 1,)) for each in heard),
+            *(bytes((0xBF, 1, rng.randrange(256))) + each for each in heard),
             *(bytes((0xBF, 1, n)) + rng.randbytes(rng.choice((1, 9, 40))) for n in range(100)),
-            *(each[:-1] + bytes((each[-1] ^ 1,)) for each in recorded),
         ]
         for at, frame_bytes in enumerate(strange):
             line.network.at(HOUR_S + 3.0 * at, partial(_hear, line, 2, 1, frame_bytes))
         line.network.run(until_s=2 * HOUR_S)
         assert line.network.engine(2).stats.frames_transmitted == before, f"seed {seed}"
-        assert line.network.engine(2).stats.dropped["relay_forged"] > 100
+        dropped = line.network.engine(2).stats.dropped
+        refused = sum(dropped.get(each, 0) for each in ("forged", "replayed", "unsealed"))
+        assert refused >= len(strange)
         line.publish(KEPT, b"last")
         line.network.run(until_s=3 * HOUR_S)
         assert line.values(KEPT) == [*(b"%d" % number for number in range(10)), b"last"]
@@ -300,7 +301,7 @@ def test_frames_of_another_fleet_on_the_same_route_change_nothing() -> None:
     foreign: list[tuple[int, bytes]] = []
     other = LineOfFive(
         0.1,
-        seed=14,
+        seed=26,
         streams=StreamTable(
             [
                 TopicSpec(stream_id=each, name=f"other/{each}", publishers=(1, NODES))
@@ -314,7 +315,7 @@ def test_frames_of_another_fleet_on_the_same_route_change_nothing() -> None:
             else None
         ),
     )
-    line = LineOfFive(0.1, seed=15)
+    line = LineOfFive(0.1, seed=27)
     for number in range(20):
         for stream_id in (FIX, BACK):
             value = b"other %d" % number

@@ -1,5 +1,7 @@
 """The links of a node, and the link of each stream."""
 
+from typing import Final
+
 from zacoustic.config.access import read_access
 from zacoustic.config.bonds import read_bonded
 from zacoustic.config.later import check_word
@@ -13,6 +15,8 @@ from zacoustic.core.streams.keys import fault_of_name
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.wire.seal import LAST_PORT
 
+_FRAME_S: Final = (0.5, 600.0)
+"""The shortest and longest bound of a frame's airtime, s."""
 _NAMED = 'a name of its own, such as "acoustic" or "radio"'
 
 
@@ -103,6 +107,11 @@ def read_links_of_streams(
     return found
 
 
+def _check_frame(place: Place, max_frame_s: float | None) -> None:
+    if max_frame_s is not None and not _FRAME_S[0] <= max_frame_s <= _FRAME_S[1]:
+        place.at("max_frame_s").refuse(allowed=ALLOWED["max_frame_s"])
+
+
 def read_link_rules(
     place: Place, written: Section, links: tuple[LinkEntry, ...], fleet: Fleet
 ) -> tuple[LinkRules, ...]:
@@ -116,6 +125,7 @@ def read_link_rules(
     """
     if written.max_airtime is not None and not 0 < written.max_airtime <= 1:
         place.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
+    _check_frame(place, written.max_frame_s)
     found: list[LinkRules] = []
     ports: dict[int, str] = {}
     names = list(dict.fromkeys(each.name for each in written.links))
@@ -130,6 +140,8 @@ def read_link_rules(
         if share is not None and not 0 < share <= 1:
             here.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
         share = written.max_airtime if share is None else share
+        _check_frame(here, entry.max_frame_s)
+        frame_s = written.max_frame_s if entry.max_frame_s is None else entry.max_frame_s
         if entry.port is not None and not 0 <= entry.port <= LAST_PORT:
             here.at("port").refuse(allowed=ALLOWED["port"])
         name = entry.name or ""
@@ -145,6 +157,7 @@ def read_link_rules(
             name=name,
             access=access,
             max_airtime=share,
+            max_frame_s=frame_s,
             port=entry.port if is_whole else port,
             bonded=bonded,
         )

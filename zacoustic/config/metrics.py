@@ -1,4 +1,4 @@
-"""The key `metrics`: where a gateway answers Prometheus."""
+"""The keys `metrics` and `metrics_names`: where a gateway answers Prometheus."""
 
 import re
 from typing import Final
@@ -11,6 +11,7 @@ LOOPBACK: Final = "127.0.0.1"
 """Host if only a port is given: the gateway answers this computer only."""
 
 _PLACE: Final = re.compile(r"(?:(\[[^\]]+\]|[^:\[\]\s]+):)?([0-9]{1,5})")
+_NAME: Final = re.compile(r"[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*")
 _LAST_PORT: Final = 65_535
 
 
@@ -48,3 +49,15 @@ def read_metrics(place: Place, written: str | None) -> tuple[str, int] | None:
     if found is None:
         place.refuse(allowed=ALLOWED["metrics"])
     return found
+
+
+def read_metrics_names(place: Place, written: tuple[str, ...]) -> tuple[str, ...]:
+    """Read the key.
+
+    Raises:
+        ConfigError: A value is no host name.
+    """
+    for index, name in enumerate(written):
+        if _NAME.fullmatch(name) is None:
+            place.at(index).refuse(allowed=ALLOWED["metrics_names"])
+    return written

@@ -22,7 +22,7 @@ from zacoustic.config.links import (
     read_links_of_streams,
 )
 from zacoustic.config.lostcontact import LostContactAction, read_lost_contact
-from zacoustic.config.metrics import read_metrics
+from zacoustic.config.metrics import read_metrics, read_metrics_names
 from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
 from zacoustic.config.onrmwdesert import check_section
@@ -108,6 +108,8 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """File to which the node appends each emission, or None."""
     metrics: tuple[str, int] | None = None
     """Host and port at which a gateway answers Prometheus; None: it does not."""
+    metrics_names: tuple[str, ...] = ()
+    """Host names under which Prometheus finds it, besides this computer's own."""
     zenoh_config: "zenoh.Config | None" = None
     """The whole file for `zenoh.open`; None if the section did not come from a file."""
 
@@ -251,6 +253,7 @@ def config_from_mapping(
         security=security,
         permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
         metrics=read_metrics(place.at("metrics"), written.metrics),
+        metrics_names=read_metrics_names(place.at("metrics_names"), written.metrics_names),
     )
 
 
@@ -370,6 +373,7 @@ def _read_rules(
         access=own_links[0].access if own_links else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
         max_airtime=own_links[0].max_airtime if own_links else written.max_airtime,
+        max_frame_s=own_links[0].max_frame_s if own_links else written.max_frame_s,
         commands_from=commands_from,
         contact=read_contact(place, written, own, lost_contact),
         agreement=_read_agreement(place.at("agreement"), written.agreement),

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import msgspec
 
+from zacoustic.core.base.linktypes import MAX_FRAME_S
 from zacoustic.core.base.qos import PRIORITY_NAMES, Forward, Reliability, Stamp
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S
@@ -95,10 +96,12 @@ ALLOWED: Final = {
     "after_s": "seconds, above 0",
     "expires_s": f"seconds, {LEAST_CARRY_S:g}..{LONGEST_CARRY_S:g}",
     "max_airtime": "a share, above 0, at most 1",
+    "max_frame_s": "seconds, 0.5..600",
     "port": "0..127, another one for each link, and the same at both ends",
     "commands_from": "a list of addresses; [] for nobody",
     "permit_log": "a text, the file to append to",
     "metrics": 'a text, "PORT" or "HOST:PORT"',
+    "metrics_names": 'a list of host names, such as ["auv1.example"]',
     "request": "a text, the name of a type",
     "response": "a text, the name of a type",
     "goal": "a text, the name of a type",
@@ -213,6 +216,8 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     """Medium access, read by `zacoustic.config.access`, or "auto", the default."""
     max_airtime: float | None = None
     """Share of the time that this node may be on the air on this link; default: the section's."""
+    max_frame_s: float | None = None
+    """Longest airtime of a frame on this link, s; default: the section's."""
     port: int | None = None
     """Number of the link in sealed frames, the same at all nodes; default: its place in the
     list."""
@@ -563,7 +568,11 @@ class Section(Entry, frozen=True, kw_only=True):
     carry: CarryEntry | None = None
     """How much this node carries for others."""
     max_airtime: float | None = None
-    """Share of the time that this node may be on the air, on each link; default: no cap."""
+    """Share of the time that this node may be on the air, on each link; default: no cap but the
+    fair share."""
+    max_frame_s: float = MAX_FRAME_S
+    """Longest airtime of a frame, s: an emergency waits for the frame under way. Frames of 32 bytes
+    may take longer."""
     commands_from: tuple[int, ...] | None = None
     """Nodes whose remote commands this node executes; default: those of `nodes`."""
     heartbeat_s: float | None = None
@@ -578,6 +587,8 @@ class Section(Entry, frozen=True, kw_only=True):
     """File to which the node appends each emission, relative to this file; default: none."""
     metrics: str | None = None
     """Where the gateway answers Prometheus, PORT or HOST:PORT; default: nowhere."""
+    metrics_names: tuple[str, ...] = ()
+    """Host names under which Prometheus finds it, besides this computer's own and addresses."""
 
 
 RECORDS: Final[dict[str, type[msgspec.Struct]]] = {

@@ -20,7 +20,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 that ask and answer have in common; `status` answers what a node is asked before a
                 dive, `keydelivery` sends keys for broadcasts, `routing` has the commands about
                 routes; `publication` is what a program publishes, `deliveries` has the events of
-                samples; `contract` is for third-party transports
+                samples, `outcomes` their ends over restarts; `contract` is for third-party
+                transports
 `relay`         frames of routes over other nodes: a `route`, a `flow` for each direction of it with
                 the frames in `custody`, the `gate` that gives its turns; `relay` is a source of the
                 composer; `prober` measures who hears whom, `paths` has changed paths; `flooding`
@@ -53,7 +54,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 `values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
                 `encoding`, `age`
 `base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `linkids`,
-                `parts` of frames, `qos`, `journal`, `signals`, `stats`, `trace`
+                `parts` of frames, `qos`, `journal`, `signals`, `sizes`, `stats`, `trace`;
+                `allowance` is what a silent node may cost
 ==============  ====================================================================================
 
 `clock` and `linktypes` are importable from here as well, for links.

@@ -24,8 +24,9 @@ a `Node` and to a `port`. Three rules must survive every change:
    hears the other one. So the failsafe of the autopilot, and the alarm of the ground station, act
    as on any MAVLink link.
 3. *One command is one call.* A ground station repeats what is not acknowledged within a second or
-   three; repetitions share the call and its answer. A command that a later one has overtaken on the
-   channel is not executed (`order`), except an abort.
+   three; repetitions share the call and its answer, until another command is given. A command that
+   a later one has overtaken on the channel is not executed, nor one whose call has timed out on
+   shore: it carries the time of the vehicle (`vehicletime`). An abort always is.
 
 `dialect` alone imports pymavlink (extra `mavlink`).
 """

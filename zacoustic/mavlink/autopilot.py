@@ -9,14 +9,17 @@ failsafe with the first one is not in a failsafe from the start.
 The bridge asks for HIGH_LATENCY2 and publishes what comes. If the autopilot refuses, the bridge
 composes it of other messages (`composing`).
 
-A command is sent until it is acknowledged, as MAVLink demands: an acknowledgement names only the
-command's id, so commands of one id go one after the other.
+A command goes to the autopilot (`execution`) while it is fresh. It carries the time of this bridge
+at which it was given (`vehicletime`), and is refused after the time-out of its call, when the
+station has given up, and after a later command. Without that time it is always fresh: programs on
+the vehicle give none. An abort is always fresh.
 
 The shell calls `handle_*` with instants that never decrease, then `poll` until it returns None,
 then sets a timer to `poll_timeout`.
 """
 
-from collections import OrderedDict, deque
+from collections import deque
+from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -28,14 +31,23 @@ from zacoustic.mavlink.commands import (
     Answer,
     answer_of_code,
     command_for_autopilot,
-    command_id,
     message_interval,
 )
 from zacoustic.mavlink.composing import SOURCES, Composer
 from zacoustic.mavlink.dialect import AUTOPILOT, Message, Received
-from zacoustic.mavlink.entries import SERVICES, TELEMETRY, TEXT_BYTES
+from zacoustic.mavlink.entries import (
+    ABORT,
+    CLOCK,
+    GIVEN,
+    SERVICES,
+    TELEMETRY,
+    TEXT_BYTES,
+    TIMEOUT_S,
+)
+from zacoustic.mavlink.execution import EXPIRED, Command, Execution
 from zacoustic.mavlink.outputs import Notice, Output, Publish, Reply, Send
 from zacoustic.mavlink.telemetry import HIGH_LATENCY2, HIGH_LATENCY2_ID, heartbeat, value_of
+from zacoustic.mavlink.vehicletime import PERIOD_MS, later_by
 
 GROUND_COMPONENT: Final = 190
 """Component id of a ground station (MAV_COMP_ID_MISSIONPLANNER)."""
@@ -44,35 +56,13 @@ HEARTBEAT_NS: Final = seconds_to_ns(1.0)
 """Period of the HEARTBEAT, as MAVLink recommends it."""
 SILENCE_NS: Final = seconds_to_ns(5.0)
 """The autopilot is lost after this time without its HEARTBEAT: five of them."""
-RETRY_NS: Final = seconds_to_ns(1.5)
-"""Time for an acknowledgement of an autopilot, which is on a cable."""
-TRIES: Final = 5
-"""How often a command is sent without an acknowledgement."""
-PROGRESS_NS: Final = seconds_to_ns(20.0)
-"""Time from an acknowledgement "in progress" to the next one or the last one."""
-LATE_NS: Final = seconds_to_ns(120.0)
-"""A command is on its way at most this long: twice the time-out of its service."""
+AHEAD_MS: Final = 5000
+"""A command may seem this much later than it is: rounding, and clocks that differ."""
 _MISSED: Final = 3
-# Senders, and runs of each, whose last order is known; of each a ground station needs one.
-_RUNS: Final = 64
 
 _INVALID_AUTOPILOT: Final = 8  # MAV_AUTOPILOT_INVALID
 _GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 _WARNING: Final = 4  # MAV_SEVERITY_WARNING
-
-
-class _Command:
-    """A command for the autopilot, until it ends."""
-
-    def __init__(self, number: int, service: str, value: dict[str, Any], message: Message) -> None:
-        self.number = number
-        self.service = service
-        self.value = value
-        self.id = command_id(message)
-        self.tries = 0
-        self.due_at = 0
-        self.is_acknowledged = False
-        self.text = ""
 
 
 class AutopilotSide:
@@ -83,6 +73,8 @@ class AutopilotSide:
         lost_after_s: Silence of the shore after which its HEARTBEATs end, s.
         system: System id of the autopilot; None: the first one that is heard.
         ground_system: System id under which this bridge speaks to the autopilot.
+        clock_ms: What this bridge's clock shows, 0..2^32 - 1; drawn at random, so that no time is
+            used again after a restart.
         now: The instant.
     """
 
@@ -93,6 +85,7 @@ class AutopilotSide:
         lost_after_s: float,
         system: int | None = None,
         ground_system: int = 255,
+        clock_ms: int = 0,
         now: int,
     ) -> None:
         self._interval_s = interval_s
@@ -113,19 +106,30 @@ class AutopilotSide:
         self._complained = False
         self._composer: Composer | None = None
         self._compose_at: int | None = None
-        self._commands: dict[int, deque[_Command]] = {}
-        self._orders: OrderedDict[tuple[int, int], int] = OrderedDict()
-        self._newest_run: dict[int, tuple[int, int]] = {}
+        self._execution = Execution(self._send, self._answer)
+        self._clock_ms = clock_ms - now // 1_000_000
+        self._given: int | None = None
         self._outputs: deque[Output] = deque()
 
     # Inputs
+
+    def is_of_other_end(self, received: Received) -> bool:
+        """Return whether a message is the HEARTBEAT of the autopilot."""
+        fields = received.message.fields
+        return (
+            received.message.name == "HEARTBEAT"
+            and received.component == AUTOPILOT
+            and received.system == (self._wanted_system or self._system or received.system)
+            and fields["autopilot"] != _INVALID_AUTOPILOT
+            and fields["type"] != _GROUND_STATION
+        )
 
     def handle_message(self, received: Received, now: int) -> None:
         """Take a message from the autopilot's side."""
         if received.component != AUTOPILOT:
             return
         message = received.message
-        if message.name == "HEARTBEAT":
+        if self.is_of_other_end(received):
             self._hear(received, now)
         if received.system != self._system or self._heartbeat is None:
             return
@@ -134,9 +138,9 @@ class AutopilotSide:
         if message.name == HIGH_LATENCY2:
             self._take_telemetry(message, now)
         elif message.name == "COMMAND_ACK":
-            self._take_acknowledgement(message, now)
+            self._take_acknowledgement(received, now)
         elif message.name == "STATUSTEXT":
-            self._take_text(message)
+            self._take_text(message, now)
 
     def handle_ground(self, now: int) -> None:
         """Note that a ground station is there on shore."""
@@ -153,6 +157,7 @@ class AutopilotSide:
         client: int | None,
         now: int,
         *,
+        timeout_s: float = TIMEOUT_S,
         is_shore: bool = False,
     ) -> None:
         """Execute a command; its answer is a `Reply`.
@@ -163,28 +168,31 @@ class AutopilotSide:
             value: The request.
             client: Acoustic address of the caller; None: on the vehicle.
             now: The instant.
+            timeout_s: Time-out of the service, s: how long the command is worth something.
             is_shore: Whether the caller is on shore, so that its call is a sign of life.
         """
         assert service in SERVICES
-        self._say("command", f"{service}: {_told(value)}")
-        if is_shore:
+        where = "" if client is None else f" from node {client}"
+        self._say("command", f"{service}{where}: {_told(value)}")
+        given = value.get(GIVEN)
+        expires_at = None if given is None else self._expires_at(given, timeout_s, now)
+        is_late = expires_at is not None and expires_at <= now
+        if is_shore and not is_late:
             self.handle_ground(now)
-        is_in_order = self._is_in_order(client or 0, value.get("order"), now)
-        # An abort is never too old: whatever came after it, somebody wanted the vehicle back.
-        if not is_in_order and service != "abort":
+        if service != ABORT and is_late:
+            self._reply(number, service, EXPIRED)
+        elif not self._is_in_order(service, given, now):
             self._reply(number, service, Answer("superseded", "a later command came first"))
         elif not self._hears_autopilot(now):
             self._reply(number, service, Answer("no_autopilot", "no heartbeat of the autopilot"))
         else:
-            self._begin(number, service, value, now)
+            self._begin(number, service, value, expires_at, now)
 
     def handle_timeout(self, now: int) -> None:
         """Do what is due."""
         self._check_silence(now)
         self._check_ground(now)
-        for queue in [*self._commands.values()]:
-            if queue[0].due_at <= now:
-                self._try_again(queue[0], now)
+        self._execution.handle_timeout(now)
         if self._compose_at is not None and self._compose_at <= now:
             self._compose(now)
         missing_at = self._missing_at()
@@ -200,25 +208,14 @@ class AutopilotSide:
 
     def poll_timeout(self) -> int | None:
         """Return the instant of the next `handle_timeout`."""
-        due = [queue[0].due_at for queue in self._commands.values()]
-        if self._beat_at is not None:
-            due.append(self._beat_at)
-        if self._heartbeat_at is not None:
-            due.append(self._heartbeat_at + SILENCE_NS)
-        others = (self._patient_until, self._compose_at, self._missing_at())
-        due += [at for at in others if at is not None]
+        lost_at = None if self._heartbeat_at is None else self._heartbeat_at + SILENCE_NS
+        others = (self._beat_at, lost_at, self._patient_until, self._compose_at, self._missing_at())
+        due = [at for at in (self._execution.poll_timeout(), *others) if at is not None]
         return min(due, default=None)
 
     # The autopilot
 
     def _hear(self, received: Received, now: int) -> None:
-        fields = received.message.fields
-        is_autopilot = (
-            fields["autopilot"] != _INVALID_AUTOPILOT and fields["type"] != _GROUND_STATION
-        )
-        wanted = self._wanted_system or self._system or received.system
-        if not is_autopilot or received.system != wanted:
-            return
         is_new, self._patient_until = self._heartbeat_at is None, None
         self._system = received.system
         self._heartbeat, self._heartbeat_at = received.message, now
@@ -279,7 +276,7 @@ class AutopilotSide:
         assert self._heartbeat is not None
         assert self._system is not None
         self._published_at = now
-        value = value_of(message, self._heartbeat, self._system)
+        value = value_of(message, self._heartbeat, self._system) | {CLOCK: self._time(now)}
         self._outputs.append(Publish(TELEMETRY, value))
 
     # The ground station
@@ -303,73 +300,52 @@ class AutopilotSide:
 
     # Commands
 
-    def _is_in_order(self, client: int, order: int | None, now: int) -> bool:
-        """Return whether no later command of this client was executed; note this one.
+    def _time(self, now: int) -> int:
+        return (self._clock_ms + now // 1_000_000) % PERIOD_MS
 
-        The upper half of an order is the run of the shore bridge, drawn at random; the lower half
-        counts. So a bridge that has restarted is not taken for an old one, and what is still on
-        its way from before that is refused, for as long as it may be. After that, two bridges at
-        once can both give commands.
-        """
-        if order is None:
+    def _expires_at(self, given: int, timeout_s: float, now: int) -> int:
+        age_ms = later_by(self._time(now), given)
+        if age_ms < -AHEAD_MS:  # by the clock of an earlier run of this bridge
+            return now
+        return now + seconds_to_ns(timeout_s) - age_ms * 1_000_000
+
+    def _is_in_order(self, service: str, given: int | None, now: int) -> bool:
+        """Return whether no later command came before; note this one."""
+        if given is None and service == ABORT:
+            given = self._time(now)
+        if given is None:
             return True
-        run, count = order >> 16, order & 0xFFFF
-        last = self._orders.get((client, run))
-        if last is None:
-            self._newest_run[client] = (run, now)
-        newest, since = self._newest_run.get(client, (run, now))
-        if (newest != run and now - since < LATE_NS) or (last is not None and count <= last):
-            return False
-        self._orders[client, run] = count
-        self._orders.move_to_end((client, run))
-        if len(self._orders) > _RUNS:
-            self._orders.popitem(last=False)
-        return True
+        if self._given is None or later_by(given, self._given) >= 0:
+            self._given = given
+            return True
+        return service == ABORT
 
-    def _begin(self, number: int, service: str, value: dict[str, Any], now: int) -> None:
-        command = _Command(number, service, value, self._message(service, value, 0))
-        queue = self._commands.setdefault(command.id, deque())
-        queue.append(command)
-        if queue[0] is command:
-            self._try_again(command, now)
-
-    def _message(self, service: str, value: dict[str, Any], confirmation: int) -> Message:
+    def _begin(
+        self, number: int, service: str, value: dict[str, Any], expires_at: int | None, now: int
+    ) -> None:
         assert self._system is not None
         assert self._heartbeat is not None
-        return command_for_autopilot(
+        message = partial(
+            command_for_autopilot,
             service,
             value,
             system=self._system,
             autopilot=self._heartbeat.fields["autopilot"],
-            confirmation=confirmation,
         )
+        if service == ABORT:
+            expires_at = None
+        self._execution.begin(Command(number, service, message, expires_at), now)
 
-    def _try_again(self, command: _Command, now: int) -> None:
-        if command.is_acknowledged or command.tries == TRIES:
-            text = command.text or "the autopilot does not answer; it may have done it"
-            self._end(command, Answer("no_answer", text), now)
-            return
-        self._send(self._message(command.service, command.value, command.tries))
-        command.tries += 1
-        command.due_at = now + RETRY_NS
-
-    def _take_acknowledgement(self, message: Message, now: int) -> None:
-        fields = message.fields
-        if fields.get("target_system", 0) not in (0, self._ground_system):
+    def _take_acknowledgement(self, received: Received, now: int) -> None:
+        fields, sequence = received.message.fields, received.sequence
+        ours = {"target_system": self._ground_system, "target_component": GROUND_COMPONENT}
+        if any(fields.get(name, 0) not in (0, number) for name, number in ours.items()):
             return  # of another ground station
         is_refused = fields["result"] not in (0, IN_PROGRESS)
         if fields["command"] == SET_MESSAGE_INTERVAL and is_refused and self._composer is None:
             # It does not say of which message: the first refusal is of HIGH_LATENCY2.
             self._begin_to_compose(answer_of_code(fields["result"]).result, now)
-        queue = self._commands.get(fields["command"])
-        if queue is None:
-            return
-        if fields["result"] == IN_PROGRESS:
-            queue[0].is_acknowledged = True
-            queue[0].due_at = now + PROGRESS_NS
-            return
-        text = "" if fields["result"] == 0 else queue[0].text
-        self._end(queue[0], answer_of_code(fields["result"], text), now)
+        self._execution.handle_acknowledgement(fields["command"], fields["result"], sequence, now)
 
     def _complain(self, text: str) -> None:
         """Say once that there is no telemetry; again after some has come."""
@@ -377,21 +353,13 @@ class AutopilotSide:
             self._complained = True
             self._say("no_telemetry", text, is_trouble=True)
 
-    def _take_text(self, message: Message) -> None:
-        """Keep why the autopilot refuses a command: it says that just before it does."""
+    def _take_text(self, message: Message, now: int) -> None:
         fields = message.fields
         if fields["severity"] <= _WARNING and not fields.get("chunk_seq"):
-            for queue in self._commands.values():
-                queue[0].text = str(fields["text"])
+            self._execution.handle_text(str(fields["text"]), now)
 
-    def _end(self, command: _Command, answer: Answer, now: int) -> None:
-        queue = self._commands[command.id]
-        queue.popleft()
+    def _answer(self, command: Command, answer: Answer) -> None:
         self._reply(command.number, command.service, answer)
-        if queue:
-            self._try_again(queue[0], now)
-        else:
-            del self._commands[command.id]
 
     def _reply(self, number: int, service: str, answer: Answer) -> None:
         told = f"{service}: {answer.result}" + (f", {answer.text}" if answer.text else "")
@@ -414,5 +382,5 @@ def answer_value(answer: Answer) -> dict[str, Any]:
 
 def _told(value: dict[str, Any]) -> str:
     """Return a request in one line, without what is missing."""
-    shown = {name: each for name, each in value.items() if each is not None and name != "order"}
+    shown = {name: each for name, each in value.items() if each is not None and name != GIVEN}
     return msgspec.json.encode(shown).decode()

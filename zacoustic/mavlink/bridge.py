@@ -35,6 +35,10 @@ Tell = Callable[[Notice], None]
 class Engine(Protocol):
     """What both engines have in common."""
 
+    def is_of_other_end(self, received: Received) -> bool:
+        """Return whether only the other end of the MAVLink port would send a message."""
+        ...
+
     def handle_message(self, received: Received, now: int) -> None:
         """Take a MAVLink message."""
         ...
@@ -91,6 +95,9 @@ class Bridge:
         self._port = Port(
             settings.place,
             receive=self._receive,
+            accept=lambda data: any(
+                map(engine.is_of_other_end, self._packets.feed(data, is_whole=True))
+            ),
             tell=lambda event, text, is_trouble: tell(Notice(event, text, is_trouble)),
             baudrate=settings.baudrate,
             clock=clock,

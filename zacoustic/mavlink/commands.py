@@ -75,7 +75,7 @@ class Answer(msgspec.Struct, frozen=True):
         Without an answer of the autopilot it is FAILED if the command may have been executed, and
         TEMPORARILY_REJECTED if it was certainly not.
         """
-        if self.result in ("no_autopilot", "superseded"):
+        if self.result in ("no_autopilot", "superseded", "expired"):
             return RESULT_CODES["temporarily_rejected"]
         return RESULT_CODES.get(self.result, RESULT_CODES["failed"])
 
@@ -93,31 +93,26 @@ def answer_of_code(code: int, text: str = "") -> Answer:
     return Answer(name, text)
 
 
-class GroundCommand(msgspec.Struct, frozen=True, kw_only=True):
-    """A command of a ground station."""
+class _OfGround(msgspec.Struct, frozen=True, kw_only=True):
+    """What came from a ground station and is to be acknowledged."""
 
-    service: str
-    """The service that executes it."""
-    value: dict[str, Any]
-    """The request, without `order`."""
     command: int
     """The command's id in a COMMAND_ACK."""
     form: str
     """Message in which it came: `COMMAND_LONG`, `COMMAND_INT`, `SET_MODE`, `MISSION_ITEM`, …"""
     target: int
     """System that it is for; 0: all."""
-    confirmation: int | None
-    """How often it was repeated; None: the message does not say it."""
     sender: tuple[int, int]
     """System and component of the ground station."""
 
     @property
-    def key(self) -> tuple[object, ...]:
-        """Equal for repetitions of one command."""
-        return (self.sender, self.form, self.command, *sorted(self.value.items()))
+    def acknowledged_as(self) -> tuple[object, ...]:
+        """Equal for commands that the ground station cannot tell apart by an acknowledgement."""
+        is_item = self.form.startswith("MISSION_ITEM")
+        return (self.sender, "MISSION_ACK" if is_item else self.command)
 
     def acknowledgement(self, answer: Answer) -> Message:
-        """Return the message that ends the command at the ground station."""
+        """Return the message that ends it at the ground station."""
         if not self.form.startswith("MISSION_ITEM"):
             return acknowledgement(self.command, answer.code, self.sender)
         system, component = self.sender
@@ -127,21 +122,27 @@ class GroundCommand(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-class Refusal(msgspec.Struct, frozen=True, kw_only=True):
+class GroundCommand(_OfGround, frozen=True, kw_only=True):
+    """A command of a ground station."""
+
+    service: str
+    """The service that executes it."""
+    value: dict[str, Any]
+    """The request, without `entries.GIVEN`."""
+    confirmation: int | None
+    """How often it was repeated; None: the message does not say it."""
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Equal for repetitions of one command."""
+        return (self.sender, self.form, self.command, *sorted(self.value.items()))
+
+
+class Refusal(_OfGround, frozen=True, kw_only=True):
     """A message of a ground station that cannot cross."""
 
-    command: int
-    """The command's id in a COMMAND_ACK."""
-    target: int
-    """System that it is for; 0: all."""
     answer: Answer
     """Why."""
-    sender: tuple[int, int]
-    """System and component of the ground station."""
-
-    def acknowledgement(self) -> Message:
-        """Return the message that ends the command at the ground station."""
-        return acknowledgement(self.command, self.answer.code, self.sender)
 
 
 def acknowledgement(command: int, code: int, target: tuple[int, int]) -> Message:
@@ -175,7 +176,7 @@ def read_command(received: Received) -> GroundCommand | Refusal | None:
     found = _request_of(name, command, fields)
     sender, target = (received.system, received.component), int(fields["target_system"])
     if isinstance(found, Answer):
-        return Refusal(command=command, target=target, answer=found, sender=sender)
+        return Refusal(command=command, form=name, target=target, answer=found, sender=sender)
     service, value = found
     return GroundCommand(
         service=service,

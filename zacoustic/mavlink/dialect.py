@@ -33,6 +33,8 @@ class Received(msgspec.Struct, frozen=True, kw_only=True):
     """System id of the sender, 1..255."""
     component: int
     """Component id of the sender."""
+    sequence: int | None = None
+    """Number of the packet, 0..255; a sender counts its packets. None: not known."""
 
 
 class PacketCodec:
@@ -93,6 +95,7 @@ class PacketCodec:
                     message=Message(name, fields),
                     system=packet.get_srcSystem(),
                     component=packet.get_srcComponent(),
+                    sequence=packet.get_seq(),
                 )
             )
         return received

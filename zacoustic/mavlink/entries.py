@@ -20,15 +20,23 @@ TELEMETRY: Final = "high_latency2"
 """Last part of the name of the topic with the vehicle's state."""
 GROUND: Final = "ground"
 """Last part of the name of the topic that says that a ground station is there."""
-SERVICES: Final = ("arm", "mode", "waypoint", "abort")
+ABORT: Final = "abort"
+"""Last part of the name of the service that ends what the vehicle does."""
+SERVICES: Final = ("arm", "mode", "waypoint", ABORT)
 """Last parts of the names of the services."""
+TIMEOUT_S: Final = 60
+"""Time-out of the services, s."""
+CLOCK: Final = "clock"
+"""Field of the telemetry: the time of the vehicle's bridge, ms (`vehicletime`)."""
+GIVEN: Final = "given"
+"""Field of a request: when it was given, ms, by that clock."""
 
 RESULTS: Final = (
     "accepted", "temporarily_rejected", "denied", "unsupported", "failed", "cancelled",
     "command_long_only", "command_int_only", "unsupported_mav_frame", "not_in_control",
-    "no_answer", "no_autopilot", "superseded",
+    "no_answer", "no_autopilot", "superseded", "expired",
 )  # fmt: skip
-"""What became of a command: results of the autopilot, and the last three in place of one."""
+"""What became of a command: results of the autopilot, and the last four in place of one."""
 FRAMES: Final = ("global", "relative", "terrain")
 """What an altitude is above: the sea, home, the ground."""
 ACTIONS: Final = ("return", "land")
@@ -148,11 +156,11 @@ def entries(
             "subscribers": [vehicle], "lifespan_s": 20,
         },
     ]  # fmt: skip
-    priorities = {"abort": "real_time", "waypoint": "data_high"}
+    priorities = {ABORT: "real_time", "waypoint": "data_high"}
     streams += [
         {
             "service": f"{prefix}/{name}", "request": _TYPE_OF[name], "response": _ANSWER_NAME,
-            "server": vehicle, "codec": "packed", "timeout_s": 60,
+            "server": vehicle, "codec": "packed", "timeout_s": TIMEOUT_S,
             "priority": priorities.get(name, "interactive_high"),
         }
         for name in SERVICES
@@ -187,9 +195,8 @@ def _number(name: str, kind: str, low: float, high: float, **more: object) -> di
     return {"name": name, "type": kind, "range": [low, high], **more}
 
 
-# Which command overtook which: counts the commands of one run of the shore bridge. Absent in calls
-# of other programs, which are always executed.
-_ORDER: Final = {"name": "order", "type": "uint32", "optional": True}
+# Absent in calls of other programs, which are always executed.
+_GIVEN: Final = {"name": GIVEN, "type": "uint32", "unit": "ms", "optional": True}
 
 # Speeds are multiples of 0.2 m/s in a byte, directions of 2°.
 _SPEED: Final = {"step": 0.2, "unit": "m/s"}
@@ -227,18 +234,19 @@ _TYPES: Final[dict[str, list[dict[str, Any]]]] = {
         _number("custom0", "int8", -128, 127),
         _number("custom1", "int8", -128, 127),
         _number("custom2", "int8", -128, 127),
+        _number(CLOCK, "uint32", 0, _UINT32, step=1000, unit="ms"),
     ],
     "MavlinkGround": [],
     "MavlinkArm": [
         {"name": "arm", "type": "bool"},
         {"name": "force", "type": "bool", "default": False},
-        _ORDER,
+        _GIVEN,
     ],
     "MavlinkMode": [
         {"name": "base_mode", "type": "uint8", "default": 1},
         {"name": "custom_mode", "type": "uint32"},
         {"name": "custom_submode", "type": "uint8", "default": 0},
-        _ORDER,
+        _GIVEN,
     ],
     "MavlinkWaypoint": [
         _number("latitude", "float64", -90, 90, step=1e-7, unit="deg"),
@@ -249,14 +257,14 @@ _TYPES: Final[dict[str, list[dict[str, Any]]]] = {
         _number("speed", "float32", 0, 51, step=0.1, unit="m/s", optional=True),
         _number("yaw", "float32", -180, 180, step=1, unit="deg", wraps=True, optional=True),
         _number("radius", "float32", 0, 10000, step=1, unit="m", optional=True),
-        _ORDER,
+        _GIVEN,
     ],
-    "MavlinkAbort": [{"name": "action", "type": "enum", "values": [*ACTIONS]}, _ORDER],
+    "MavlinkAbort": [{"name": "action", "type": "enum", "values": [*ACTIONS]}, _GIVEN],
 }
 """Fields of the topics and requests."""
 _TYPE_OF: Final = {
     TELEMETRY: "MavlinkHighLatency2", GROUND: "MavlinkGround", "arm": "MavlinkArm",
-    "mode": "MavlinkMode", "waypoint": "MavlinkWaypoint", "abort": "MavlinkAbort",
+    "mode": "MavlinkMode", "waypoint": "MavlinkWaypoint", ABORT: "MavlinkAbort",
 }  # fmt: skip
 
 _ANSWER_NAME: Final = "MavlinkAnswer"

@@ -1,8 +1,10 @@
 """Where MAVLink packets come from and go to: UDP, TCP or a serial port.
 
-The words are those that MAVLink tools use: `udpin:HOST:PORT` listens and answers whoever has sent
-last, `udpout:HOST:PORT` sends there and reads what comes back, `tcp:HOST:PORT` and `serial:PORT`
-connect, and reconnect for ever.
+The words are those of MAVLink tools: `udpin:HOST:PORT` listens, `udpout:HOST:PORT` sends there
+and reads what comes back, `tcp:HOST:PORT` and `serial:PORT` connect, and reconnect for ever.
+
+At `udpin` anybody may send. The first one that says what the other end would say is the peer, until
+it has been silent for some seconds; all others are ignored meanwhile.
 """
 
 import asyncio
@@ -11,7 +13,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Final
 
-from zacoustic.core.base.clock import Clock
+from zacoustic.core.base.clock import Clock, seconds_to_ns
 from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.link.bytestream import ByteStream
 from zacoustic.link.serving import cannot_listen, place_name
@@ -20,9 +22,13 @@ ALLOWED: Final = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:POR
 """Places that there are."""
 BAUDRATE: Final = 57_600
 """Usual speed of a telemetry port of an autopilot, baud."""
+PEER_SILENCE_NS: Final = seconds_to_ns(5.0)
+"""A peer at `udpin` is gone after this time without a datagram: five heartbeats."""
 
 Receive = Callable[[bytes, int], None]
 """Takes received bytes and the instant, ns."""
+Accept = Callable[[bytes], bool]
+"""Takes a datagram of somebody else than the peer; returns whether it is of the other end."""
 Tell = Callable[[str, str, bool], None]
 """Takes the event, the text and whether it is trouble, for people."""
 
@@ -33,6 +39,7 @@ class Port:
     Args:
         place: The text of the user.
         receive: Takes what arrives.
+        accept: Says who may become the peer at `udpin`.
         tell: Takes what people should know.
         baudrate: Of a serial port.
         clock: Source of instants.
@@ -46,17 +53,21 @@ class Port:
         place: str,
         *,
         receive: Receive,
+        accept: Accept,
         tell: Tell,
         baudrate: int = BAUDRATE,
         clock: Clock = time.monotonic_ns,
     ) -> None:
         self.place = place
         self._receive = receive
+        self._accept = accept
         self._tell = tell
         self._clock = clock
         self._stream: ByteStream | None = None
         self._transport: asyncio.DatagramTransport | None = None
         self._peer: Any = None
+        self._peer_at = 0
+        self._has_others = False
         kind, _, rest = place.partition(":")
         if kind in ("udpin", "udpout"):
             self._kind, self._host_port = kind, _host_port(place, rest)
@@ -117,10 +128,25 @@ class Port:
         host, port = self._transport.get_extra_info("socket").getsockname()[:2]
         return f"udpin:{place_name(host, port)}"
 
-    def _take(self, data: bytes, peer: Any) -> None:  # noqa: ANN401 (of the system)
-        if self._kind == "udpin":
-            self._peer = peer
-        self._receive(data, self._clock())
+    def _take(self, data: bytes, sender: Any) -> None:  # noqa: ANN401 (of the system)
+        now = self._clock()
+        if self._kind == "udpout" or self._is_of_peer(data, sender, now):
+            self._receive(data, now)
+
+    def _is_of_peer(self, data: bytes, sender: Any, now: int) -> bool:  # noqa: ANN401
+        if sender != self._peer:
+            if self._peer is not None and now - self._peer_at < PEER_SILENCE_NS:
+                if not self._has_others:
+                    self._has_others = True
+                    places = (place_name(*each[:2]) for each in (sender, self._peer))
+                    self._tell("other", "{} is ignored: {} is the peer".format(*places), True)
+                return False
+            if not self._accept(data):
+                return False
+            self._peer, self._has_others = sender, False
+            self._tell("peer", place_name(*sender[:2]), False)
+        self._peer_at = now
+        return True
 
 
 class _Datagrams(asyncio.DatagramProtocol):

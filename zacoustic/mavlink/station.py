@@ -13,10 +13,17 @@ A command becomes one call::
                           ^ a repetition shares the call                        ^ … or the answer
 
 IN_PROGRESS keeps the ground station from repeating and from giving up; while the vehicle is not
-heard there is none, because any message would look like a sign of life. A repetition after the
-answer gets the answer again, unless another command of the service came in between: then it is a
-new command. It is one if the ground station says so (`confirmation` > 0) within a minute or, in
-messages that cannot say it, if it comes within five seconds.
+heard there is none, because any message would look like a sign of life. Then a new command is
+refused at once, except an abort.
+
+Only the last command has repetitions: once another one was given, the same message is a new
+command. A repetition shares the call if it comes while ground stations repeat. Within a minute
+after the answer it gets that again, if the ground station says that it is one (`confirmation` > 0).
+An abort is never answered so: it goes to the vehicle. A station may always say that it repeats
+another command under way.
+
+COMMAND_ACK names the command's id alone. So a command gets none any more once the ground station
+has given another one of the id: a text says how it has ended.
 
 The shell calls `handle_*` with instants that never decrease, then `poll` until it returns None,
 then sets a timer to `poll_timeout`.
@@ -37,24 +44,26 @@ from zacoustic.mavlink.commands import (
     read_command,
 )
 from zacoustic.mavlink.dialect import AUTOPILOT, Message, Received
-from zacoustic.mavlink.entries import GROUND
+from zacoustic.mavlink.entries import ABORT, CLOCK, GIVEN, GROUND
 from zacoustic.mavlink.outputs import Call, Notice, Output, Publish, Send
 from zacoustic.mavlink.telemetry import heartbeat_of, message_of
+from zacoustic.mavlink.vehicletime import VehicleTime
 
 HEARTBEAT_NS: Final = seconds_to_ns(1.0)
 """Period of the HEARTBEAT and of IN_PROGRESS: ground stations wait three seconds for each."""
 STATION_SILENCE_NS: Final = seconds_to_ns(5.0)
 """A ground station is gone after this time without its HEARTBEAT: five of them."""
-REPEAT_NS: Final = seconds_to_ns(5.0)
-"""A repetition comes within this time after the answer: ground stations wait three seconds."""
-CONFIRMED_NS: Final = seconds_to_ns(60.0)
-"""The same for a command that says that it is a repetition."""
+SHARED_NS: Final = seconds_to_ns(3.5)
+"""A repetition comes within this time after the last one: ground stations wait three seconds."""
+REMEMBERED_NS: Final = seconds_to_ns(60.0)
+"""A repetition that says that it is one gets the answer again for this time."""
 
 _GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 _CRITICAL, _WARNING = 2, 4  # MAV_SEVERITY
 _TEXT_BYTES: Final = 50
 _LAST_TEXT: Final = 65535
-_ORDERS: Final = 2**16
+
+UNHEARD: Final = Answer("temporarily_rejected", "the vehicle is not heard; nothing was sent")
 
 
 class _Calling(msgspec.Struct):
@@ -62,11 +71,14 @@ class _Calling(msgspec.Struct):
 
     command: GroundCommand
     number: int
+    said_at: int
     progress_at: int
+    is_earlier: bool = False
+    """Whether its acknowledgement would be taken for that of a later command."""
 
 
 class _Answered(msgspec.Struct, frozen=True):
-    """The last answered command of a service."""
+    """The last command, which has been answered."""
 
     command: GroundCommand
     answer: Answer
@@ -78,7 +90,6 @@ class StationSide:
 
     Args:
         name: What texts call the vehicle.
-        run: Number of this run, 0..65535, drawn at random.
         ground_every_s: Time between two samples that say that a ground station is there, s.
         lost_after_s: Silence of the vehicle after which it is lost, s.
         is_present: Whether a ground station counts as there without its HEARTBEATs.
@@ -89,14 +100,12 @@ class StationSide:
         self,
         name: str,
         *,
-        run: int,
         ground_every_s: float,
         lost_after_s: float,
         is_present: bool = False,
         now: int,
     ) -> None:
         self._name = name
-        self._run = run
         self._ground_every_ns = seconds_to_ns(ground_every_s)
         self._lost_after_s = lost_after_s
         self._lost_after_ns = seconds_to_ns(lost_after_s)
@@ -107,19 +116,26 @@ class StationSide:
         self._beat_at: int | None = None
         self._station_at: int | None = None
         self._ground_at: int | None = now if is_present else None
-        self._calling: dict[tuple[object, ...], _Calling] = {}
-        self._answered: dict[str, _Answered] = {}
+        self._time = VehicleTime()
+        self._calling: dict[int, _Calling] = {}
+        self._answered: _Answered | None = None
         self._count = 0
         self._texts = 0
         self._outputs: deque[Output] = deque()
 
     # Inputs
 
+    def is_of_other_end(self, received: Received) -> bool:
+        """Return whether a message is the HEARTBEAT of a ground station, or a command."""
+        if received.message.name == "HEARTBEAT":
+            return bool(received.message.fields["type"] == _GROUND_STATION)
+        return read_command(received) is not None
+
     def handle_message(self, received: Received, now: int) -> None:
         """Take a message from the ground station's side."""
         message = received.message
         if message.name == "HEARTBEAT":
-            if message.fields["type"] == _GROUND_STATION:
+            if self.is_of_other_end(received):
                 self._hear_station(received, now)
             return
         found = read_command(received)
@@ -127,7 +143,7 @@ class StationSide:
             return
         if isinstance(found, Refusal):
             self._say("refused", f"{found.command}: {found.answer.result}, {found.answer.text}")
-            self._send(found.acknowledgement(), found.target)
+            self._send(found.acknowledgement(found.answer), found.target)
         else:
             self._take_command(found, now)
 
@@ -143,6 +159,8 @@ class StationSide:
         if now - sampled_at >= self._lost_after_ns:
             self._say("old", f"a sample is {age_s or 0:.0f} s old: not shown", is_trouble=True)
             return
+        if CLOCK in value:
+            self._time.take(value[CLOCK], sampled_at)
         is_new = self._value is None or self._is_lost
         self._value, self._sampled_at, self._is_lost = value, sampled_at, False
         if is_new:
@@ -153,12 +171,15 @@ class StationSide:
 
     def handle_answer(self, number: int, answer: Answer, now: int) -> None:
         """Take the end of a call."""
-        calling = next(each for each in self._calling.values() if each.number == number)
+        calling = self._calling.pop(number)
         command = calling.command
-        del self._calling[command.key]
-        self._answered[command.service] = _Answered(command, answer, now)
+        if number == self._count:
+            self._answered = _Answered(command, answer, now)
         told = f"{command.service}: {answer.result}" + (f", {answer.text}" if answer.text else "")
         self._say("answer", told, is_trouble=answer.result != "accepted")
+        if calling.is_earlier:
+            self._send_text(f"an earlier {told}", _WARNING, command.target)
+            return
         if answer.text:
             self._send_text(f"{command.service}: {answer.text}", _WARNING, command.target)
         self._send(command.acknowledgement(answer), command.target)
@@ -243,32 +264,54 @@ class StationSide:
         return self._value is None or target in (0, self._value["system"])
 
     def _take_command(self, command: GroundCommand, now: int) -> None:
-        calling = self._calling.get(command.key)
+        calling = self._repeated(command, now)
+        last = self._answered
         if calling is not None:
+            calling.said_at = now
             self._report_progress(calling, now)
-            return
-        last = self._answered.get(command.service)
-        if last is not None and _is_repetition(command, last, now):
+        elif last is not None and _is_repetition(command, last, now):
             self._send(command.acknowledgement(last.answer), command.target)
-            return
-        # Another command of the service: what comes after it is no repetition any more.
-        self._answered.pop(command.service, None)
+        elif command.service != ABORT and not self._hears_vehicle(now):
+            told = f"{command.service}: {UNHEARD.text}"
+            self._say("refused", told, is_trouble=True)
+            self._send_text(told, _WARNING, command.target)
+            self._send(command.acknowledgement(UNHEARD), command.target)
+        else:
+            self._call(command, now)
+
+    def _repeated(self, command: GroundCommand, now: int) -> _Calling | None:
+        """Return the command under way that is given again."""
+        for calling in reversed(self._calling.values()):
+            if calling.command.key == command.key:
+                is_last = calling.number == self._count and now - calling.said_at < SHARED_NS
+                says_so = bool(command.confirmation) and command.service != ABORT
+                return calling if is_last or (says_so and not calling.is_earlier) else None
+        return None
+
+    def _call(self, command: GroundCommand, now: int) -> None:
+        for earlier in self._calling.values():
+            if earlier.command.acknowledged_as == command.acknowledged_as:
+                earlier.is_earlier = True
+        self._answered = None
         self._count += 1
-        if self._count == _ORDERS:  # more commands than a run can count
-            self._run, self._count = (self._run + 1) % _ORDERS, 1
-        calling = _Calling(command, self._count + self._run * _ORDERS, now)
-        self._calling[command.key] = calling
+        calling = self._calling[self._count] = _Calling(command, self._count, now, now)
         self._say("command", f"{command.service}: {_told(command.value)}")
-        value = {**command.value, "order": calling.number}
+        given = self._time.stamp(now)
+        value = command.value if given is None else {**command.value, GIVEN: given}
         self._outputs.append(Call(calling.number, command.service, value))
         self._report_progress(calling, now)
 
     def _report_progress(self, calling: _Calling, now: int) -> None:
         calling.progress_at = now + HEARTBEAT_NS
         command = calling.command
-        if self._beat_at is not None and not command.form.startswith("MISSION_ITEM"):
+        if calling.is_earlier or self._beat_at is None:
+            return
+        if not command.form.startswith("MISSION_ITEM"):
             message = acknowledgement(command.command, IN_PROGRESS, command.sender)
             self._send(message, command.target)
+
+    def _hears_vehicle(self, now: int) -> bool:
+        return self._value is not None and now - self._sampled_at < self._lost_after_ns
 
     # Messages
 
@@ -294,11 +337,8 @@ class StationSide:
 
 
 def _is_repetition(command: GroundCommand, last: _Answered, now: int) -> bool:
-    if command.key != last.command.key:
-        return False
-    if command.confirmation is None:
-        return now - last.at < REPEAT_NS
-    return command.confirmation > 0 and now - last.at < CONFIRMED_NS
+    says_so = bool(command.confirmation) and command.service != ABORT
+    return says_so and command.key == last.command.key and now - last.at < REMEMBERED_NS
 
 
 def _told(value: dict[str, Any]) -> str:

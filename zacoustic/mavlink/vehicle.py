@@ -76,9 +76,17 @@ class VehicleBridge(Bridge):
         answer = self._waiting[number] = asyncio.get_running_loop().create_future()
         # Not any caller: the gateway of the vehicle calls as well (`lost_contact`).
         is_shore = context.client in self._shores
+        spec = self._names.streams[service].spec
+        assert isinstance(spec, ServiceSpec)
         self.put(
             lambda now: self._side.handle_request(
-                number, service, request, context.client, now, is_shore=is_shore
+                number,
+                service,
+                request,
+                context.client,
+                now,
+                timeout_s=spec.timeout_s,
+                is_shore=is_shore,
             )
         )
         return answer_value(await answer)

@@ -15,9 +15,11 @@ from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import TypeTable, type_from_struct
+from zacoustic.testing.smallsizes import SMALL_SIZES
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 __all__ = [
+    "SMALL_SIZES",
     "ActionSpec",
     "Bond",
     "BondLink",

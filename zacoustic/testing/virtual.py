@@ -27,6 +27,7 @@ their node, which is the same unless the scenario says otherwise.
 import hashlib
 import random
 from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Final, TypeVar
 
 import msgspec
@@ -62,6 +63,10 @@ _FREE: Final = TransmitRules()
 Deliver = Callable[[int, Event], None]
 """``(address, event)``: receives the events of all engines as they happen."""
 
+Point = Callable[[int, str, Event | None], None]
+"""``(address, what, event)``: called before and after each commit and each event of a node; see
+`VirtualNetwork`."""
+
 Lives = Callable[[int, bool], None]
 """``(address, is_alive)``: called before a node starts, and after it has crashed."""
 
@@ -73,6 +78,7 @@ class VirtualNetwork:
         scenario: The channel, the nodes and the faults.
         table: The stream table of all nodes, or one for each address.
         modem: Features of the modems.
+        mtu_bytes: Largest frame of single nodes, bytes, by address; others have that of `modem`.
         link: Name of the link of this medium; None: the first link of each node.
         seed: Replaces the seed of the scenario.
         deliver: Receives each event; None: `events` keeps them.
@@ -83,6 +89,8 @@ class VirtualNetwork:
         rules: Rules of transmission, one for all nodes or by address; a node without them transmits
             freely.
         build: Creates the engines.
+        point: Called with ``commit`` and ``committed`` around each commit of a node's journal, with
+            ``event`` and ``told`` around each event; may crash that node there.
 
     Raises:
         ValueError: There is a table for a node that the scenario does not have.
@@ -94,6 +102,7 @@ class VirtualNetwork:
         table: StreamTable | Mapping[int, StreamTable],
         *,
         modem: Modem | None = None,
+        mtu_bytes: Mapping[int, int] = MappingProxyType({}),
         link: str | None = None,
         seed: int | None = None,
         deliver: Deliver | None = None,
@@ -103,6 +112,7 @@ class VirtualNetwork:
         lives: Lives | None = None,
         rules: TransmitRules | Mapping[int, TransmitRules] = _FREE,
         build: MakeEngine = Engine,
+        point: Point | None = None,
     ) -> None:
         if seed is not None:
             scenario = msgspec.structs.replace(scenario, seed=seed)
@@ -113,7 +123,7 @@ class VirtualNetwork:
         medium = Medium(scenario)
         self._nodes: dict[int, VirtualNode] = {}
         self._medium = VirtualModems(
-            self._agenda, medium, modem or Modem(), link, disturb, self._service
+            self._agenda, medium, modem or Modem(), link, disturb, self._service, mtu_bytes
         )
         self._media = [self._medium]
         self._beside: dict[str, VirtualModems] = {}
@@ -123,6 +133,7 @@ class VirtualNetwork:
         self._lives = lives
         self._rules = rules
         self._build = build
+        self._point = point or (lambda address, what, event: None)
         tables = table if isinstance(table, Mapping) else dict.fromkeys(medium.addresses, table)
         if set(tables) - set(medium.addresses):
             raise ValueError(f"tables for {sorted(tables)}; nodes: {list(medium.addresses)}")
@@ -295,7 +306,8 @@ class VirtualNetwork:
         if node.engine is None:
             return
         node.past.append(node.engine.stats)
-        node.engine, node.armed_at = None, None
+        node.engine = None
+        self._arm(node, None)
         for medium in self._media_of(address):
             medium.stations[address].pending.clear()
         node.journal.crash(node.rng.random())
@@ -413,30 +425,49 @@ class VirtualNetwork:
         now = node.clock.local(self._agenda.now)
         if node.clock.is_due(self._agenda.now):
             self._tell_clock(node, engine)
-        while (write := engine.poll_journal()) is not None:
-            node.journal.add(write)
-            while (write := engine.poll_journal()) is not None:
-                node.journal.add(write)
-            if node.journal.is_idle:
-                self._commit(node, engine)
+        self._take_writes(node, engine)
+        if node.engine is not engine:
+            return
         while (transmission := engine.poll_transmit(now)) is not None:
             self._on(transmission.link).send(node.address, transmission)
         while (event := engine.poll_event()) is not None:
-            self._deliver(node.address, event)
+            self._point(node.address, "event", event)
+            if node.engine is engine:
+                self._deliver(node.address, event)
+                self._point(node.address, "told", event)
             if node.engine is not engine:  # a handler of an event may crash the node
                 return
-        due_at = engine.poll_timeout()
-        if due_at != node.armed_at:
-            node.armed_at = due_at
-            if due_at is not None:
-                at = max(node.clock.instant(due_at), self._agenda.now)
-                self._agenda.push(at, self._expire, node, engine, due_at)
+        self._take_writes(node, engine)
+        if node.engine is not engine:
+            return
+        if node.journal.is_idle and node.journal.commit_ns:
+            self._commit(node, engine)  # as a runner does, once the events are handed over
+        self._arm(node, engine.poll_timeout())
 
-    def _expire(self, node: VirtualNode, engine: Engine, due_at: int) -> None:
-        if node.engine is engine and node.armed_at == due_at:
-            node.armed_at = None
-            engine.handle_timeout(node.clock.local(self._agenda.now))
-            self._service(node)
+    def _take_writes(self, node: VirtualNode, engine: Engine) -> None:
+        """Take the writes of an engine; commit them if that takes no time."""
+        while node.engine is engine and (write := engine.poll_journal()) is not None:
+            node.journal.add(write)
+            while (write := engine.poll_journal()) is not None:
+                node.journal.add(write)
+            if node.journal.is_idle and not node.journal.commit_ns:
+                self._commit(node, engine)
+
+    def _arm(self, node: VirtualNode, due_at: int | None) -> None:
+        """Set the timer of a node's engine."""
+        if due_at == node.armed_at:
+            return
+        if node.armed is not None:
+            self._agenda.cancel(node.armed)
+        node.armed_at, node.armed = due_at, None
+        if due_at is not None:
+            at = max(node.clock.instant(due_at), self._agenda.now)
+            node.armed = self._agenda.push(at, self._expire, node)
+
+    def _expire(self, node: VirtualNode) -> None:
+        node.armed = node.armed_at = None
+        node.running.handle_timeout(node.clock.local(self._agenda.now))
+        self._service(node)
 
     def _commit(self, node: VirtualNode, engine: Engine) -> None:
         """Begin to commit the waiting writes; later ones wait for the next commit."""
@@ -446,7 +477,16 @@ class VirtualNetwork:
         if journal.commit_ns or journal.fails_until(self.now) is not None:
             self._agenda.push(self.now + journal.commit_ns, self._committed, node, engine)
             return
-        for write in journal.finish():
+        self._finish(node, engine)
+
+    def _finish(self, node: VirtualNode, engine: Engine) -> None:
+        """Complete the commit under way."""
+        self._point(node.address, "commit", None)
+        if node.engine is not engine:
+            return
+        group = node.journal.finish()
+        self._point(node.address, "committed", None)
+        for write in group if node.engine is engine else ():
             engine.handle_journal_committed(write.write_id, node.clock.local(self.now))
 
     def _committed(self, node: VirtualNode, engine: Engine) -> None:
@@ -459,9 +499,9 @@ class VirtualNetwork:
         else:
             if engine.journal_failure:
                 engine.handle_journal_state("", now)
-            for write in journal.finish():
-                engine.handle_journal_committed(write.write_id, now)
-            self._commit(node, engine)
+            self._finish(node, engine)
+            if node.engine is engine:
+                self._commit(node, engine)
         self._service(node)
 
     def _note(self, record: TraceRecord) -> None:

@@ -4,7 +4,8 @@
 its node, a modem still ends the transmission that it has begun.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Final, Protocol
 
 import msgspec
@@ -66,6 +67,8 @@ class Modem(msgspec.Struct, frozen=True, kw_only=True):
     """The modem reports the beginning and the end of a reception."""
     acknowledges: bool = False
     """The modem acknowledges frames on request and measures the range by that."""
+    controls_access: bool = False
+    """The modem decides itself when it transmits; it does so at once."""
     mtu_bytes: int | None = None
     """Largest frame, bytes; None: the profile's."""
 
@@ -89,6 +92,7 @@ class Modem(msgspec.Struct, frozen=True, kw_only=True):
             acknowledges=self.acknowledges,
             measures=MEASURED if self.acknowledges else frozenset(),
             measures_range=self.acknowledges,
+            controls_access=self.controls_access,
             senses_carrier=self.senses_carrier and not profile.separates_senders,
         )
 
@@ -116,6 +120,7 @@ class VirtualModems(Modems[Device, Transmission]):
         link: Name of the link in the engines; None: their first one.
         disturb: Loses, delays and repeats frames in addition to the scenario.
         serve: Called after each input of an engine.
+        mtu_bytes: Largest frame of single modems, bytes, by address.
     """
 
     def __init__(
@@ -126,12 +131,14 @@ class VirtualModems(Modems[Device, Transmission]):
         link: str | None,
         disturb: Disturb | None,
         serve: Serve,
+        mtu_bytes: Mapping[int, int] = MappingProxyType({}),
     ) -> None:
         super().__init__(medium, agenda)
         self.modem = modem
         self.senses_carrier = modem.senses_carrier
         self._disturb = disturb
         self._serve = serve
+        self._mtu_bytes = mtu_bytes
         self._by = () if link is None else (link,)
 
     def add(self, node: VirtualNode) -> None:
@@ -140,7 +147,10 @@ class VirtualModems(Modems[Device, Transmission]):
 
     def capabilities(self, address: int) -> LinkCapabilities:
         """Return the capabilities of a node's modem."""
-        return self.modem.capabilities(self.stations[address].profile, self.farthest_s)
+        modem = self.modem
+        if address in self._mtu_bytes:
+            modem = msgspec.structs.replace(modem, mtu_bytes=self._mtu_bytes[address])
+        return modem.capabilities(self.stations[address].profile, self.farthest_s)
 
     def connect(self, node: VirtualNode, engine: Engine) -> None:
         """Tell an engine that its modem is there."""

@@ -2,6 +2,7 @@
 
 import random
 
+from zacoustic.channel.agenda import Entry
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.streams.table import StreamTable
@@ -26,7 +27,8 @@ class VirtualNode:
     """
 
     __slots__ = (
-        "address", "armed_at", "clock", "engine", "journal", "lives", "past", "rng", "table",
+        "address", "armed", "armed_at", "clock", "engine", "journal", "lives", "past", "rng",
+        "table",
     )  # fmt: skip
 
     def __init__(
@@ -51,6 +53,8 @@ class VirtualNode:
         """The counters of former boot epochs."""
         self.armed_at: int | None = None
         """Instant to which the engine's timer is set, on the node's own clock, ns."""
+        self.armed: Entry | None = None
+        """That timer."""
 
     @property
     def running(self) -> Engine:

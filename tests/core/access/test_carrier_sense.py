@@ -79,7 +79,7 @@ def test_who_wanted_nothing_meanwhile_does_not_back_off() -> None:
 
 def crowd(seed: int, unread: int, read: int = 0) -> CarrierSense:
     """Let two other nodes be heard, then sounds that give no frame, then some that do."""
-    access = CarrierSense(LINK, random.Random(seed))
+    access = CarrierSense(LINK, random.Random(seed), lambda: True)
     for number in range(2 + unread + read):
         at = number * SLOT_NS
         access.handle_carrier(True, at)

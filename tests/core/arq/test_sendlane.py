@@ -5,6 +5,7 @@ import random
 from hypothesis import given
 from hypothesis import strategies as st
 
+from zacoustic.core.base.sizes import SIZES
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
@@ -17,7 +18,7 @@ from zacoustic.core.transport.reliable.sending.sendlane import (
 from zacoustic.core.transport.reliable.spans import Span, Spans
 from zacoustic.core.values.types import TypeTable
 from zacoustic.core.wire.frame import Sync
-from zacoustic.core.wire.numbers import NUMBERS, PACE, WINDOW
+from zacoustic.core.wire.numbers import NUMBERS, WINDOW
 
 STREAM = Stream(TopicSpec(stream_id=7, name="a"), TypeTable(), {})
 SETTLING_NS = 1000
@@ -73,10 +74,10 @@ def test_numbers_come_into_use_no_faster_than_the_pace() -> None:
         for sample in samples:
             if sample not in active:
                 fast.remove(sample)
-        assert opened <= PACE
+        assert opened <= SIZES.samples.pace
         if again_at is not None:
             assert again_at == SETTLING_NS
-    assert opened == PACE
+    assert opened == SIZES.samples.pace
     add(fast, 1)
     assert fast.open(SETTLING_NS, SETTLING_NS) is None
     assert len(list(fast.active())) == 1

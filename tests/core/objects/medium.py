@@ -89,7 +89,7 @@ class Node:
             emit=self.tell,
             journal=self.journal,
         )
-        self.objects.restore(stored, lambda order: True)
+        self.objects.restore(stored, lambda order: "", lambda order, why, now: None)
         self.use_link(medium.capabilities)
 
     def tell(self, event: ObjectProgress | BulkChanged) -> None:

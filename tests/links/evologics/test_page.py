@@ -71,7 +71,8 @@ def test_check_says_that_the_link_takes_larger_frames_than_it_reckons_with(tmp_p
         [*CLI, "check", "large.json5"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert checked.returncode == 0, checked.stderr
-    assert "takes frames of up to 1024 bytes" in checked.stdout
+    assert "takes frames of up to 347 bytes" in checked.stdout
+    assert "at most 347 of 1024 bytes, which take 4.0 s" in checked.stdout
 
 
 @pytest.mark.parametrize(

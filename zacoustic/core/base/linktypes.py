@@ -21,6 +21,13 @@ UNKNOWN_SOURCE: Final = 0
 """Stands for the address of a sender that neither the link nor the frame names."""
 
 
+MAX_FRAME_S: Final = 4.0
+"""The longest airtime of a frame by default, s: nothing urgent waits longer for a frame under
+way."""
+LEAST_FRAME_BYTES: Final = 32
+"""However slow a link is, its frames may have so many bytes: a sealed HELLO and its check."""
+
+
 class LinkState(enum.Enum):
     """The state of a link; it reconnects on its own."""
 
@@ -131,6 +138,8 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     """Whether it reports `carrier_changed` while another node is heard."""
     broadcast_mtu_bytes: int | None = None
     """Largest frame for all nodes, bytes; None: as large as one for a single node."""
+    receives_bytes: int | None = None
+    """Largest frame that may arrive, bytes; None: `mtu_bytes`."""
     address_range: tuple[int, int] = (1, 254)
     """First and last node address that the device can have."""
     reports: frozenset[str] = frozenset()
@@ -177,6 +186,24 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     def airtime_ns(self, frame_bytes: int) -> int:
         """Return the airtime of a frame of that size, ns: preamble and bits, without the gap."""
         return seconds_to_ns(self.preamble_s + frame_bytes * 8 / self.bit_rate_bps)
+
+    def bounded(self, max_frame_s: float) -> "LinkCapabilities":
+        """Return the same for a node whose own frames take at most this time.
+
+        Args:
+            max_frame_s: Longest airtime of a frame, s, > 0; `LEAST_FRAME_BYTES` may take longer.
+        """
+        fitting = int((max_frame_s - self.preamble_s) * self.bit_rate_bps / 8 + 1e-6)
+        most_bytes = max(LEAST_FRAME_BYTES, fitting)
+        if self.mtu_bytes <= most_bytes:
+            return self
+        to_all = self.broadcast_mtu_bytes
+        return msgspec.structs.replace(
+            self,
+            mtu_bytes=most_bytes,
+            broadcast_mtu_bytes=None if to_all is None else min(to_all, most_bytes),
+            receives_bytes=self.receives_bytes or self.mtu_bytes,
+        )
 
 
 class LinkMetrics(msgspec.Struct, frozen=True, kw_only=True):

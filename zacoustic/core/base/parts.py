@@ -34,7 +34,9 @@ class Offer(msgspec.Struct, frozen=True, kw_only=True):
     is_answered: bool | None = None
     """Of a fragment: whether its only receiver has answered the last request; None: unknown."""
     is_forwarded: bool = False
-    """Whether it is a whole frame of a route over relays."""
+    """Whether it is a whole frame of a route over relays, of a bond, or flooded."""
+    sealed_bytes: int = 0
+    """Content of such a frame that its hop seals, bytes; 0: it goes as it is."""
     ignores_hold: bool = False
     """Whether it may go while an answer about an object is awaited."""
     is_reply: bool = False

@@ -5,7 +5,8 @@ given to the link, exactly; a test checks that.
 """
 
 import enum
-from typing import Final
+from collections.abc import Callable, Sequence
+from typing import Final, TypeAlias
 
 import msgspec
 
@@ -54,6 +55,10 @@ NO_STREAM: Final = 0
 """Key of the ledger for bytes that belong to no stream."""
 
 
+_Row: TypeAlias = tuple[int, Cause, int]
+"""``(stream, cause, bytes)``"""
+
+
 class LedgerEntry(msgspec.Struct, frozen=True, kw_only=True):
     """One line of the ledger."""
 
@@ -95,9 +100,9 @@ class EngineStats:
         frame to the end of the ACK's frame, ns, by address."""
         self._ledger: dict[tuple[int, Cause], int] = {}
 
-    def on(self, link: str, *, is_route: bool = False, quantum_bytes: int = 1) -> "LinkStats":
-        """Add the counters of a link, or of a route or bond over other links."""
-        self.links[link] = RouteStats(self) if is_route else LinkStats(self, quantum_bytes)
+    def on(self, link: str, *, is_tunnel: bool = False, quantum_bytes: int = 1) -> "LinkStats":
+        """Add the counters of a link, or of one whose frames go inside those of other links."""
+        self.links[link] = TunnelStats(self) if is_tunnel else LinkStats(self, quantum_bytes)
         return self.links[link]
 
     def sent(self, frame_bytes: int, airtime_ns: int) -> None:
@@ -178,17 +183,92 @@ class LinkStats(EngineStats):
         super().attribute(stream_id, cause, transmitted_bytes)
         self._whole.attribute(stream_id, cause, transmitted_bytes)
 
+    def carry(self, entries: "Entries") -> None:
+        """Enter those of a frame of a tunnel that goes now."""
+        entries.enter()
+
+    def made(self) -> "Entries":
+        """Return what the frame that has been made is still to enter: nothing on a link."""
+        return Entries(self.attribute, (), [])
+
     def drop(self, reason: str) -> None:
         """Count a dropped reception."""
         super().drop(reason)
         self._whole.drop(reason)
 
 
-class RouteStats(LinkStats):
-    """The counters of a route or bond: its frames are inside of a link's, which counts them."""
+class Entries:
+    """What one frame of a tunnel is to enter into the ledger, once a link transmits it.
+
+    Args:
+        enter: Enters stream, cause and bytes.
+        rows: The rows.
+        inside: Those of the frames that it carries.
+    """
+
+    def __init__(
+        self,
+        enter: Callable[[int, Cause, int], None],
+        rows: Sequence[_Row],
+        inside: "list[Entries]",
+    ) -> None:
+        self._enter = enter
+        self._rows = rows
+        self._inside = inside
+        self._size_bytes: int = sum(each for _, _, each in rows)
+        self._size_bytes += sum(each._size_bytes for each in inside)
+        self._is_claimed = False
+
+    def claim(self, carrier: "LinkStats") -> int:
+        """Hand the entries to the first link that takes the frame.
+
+        Args:
+            carrier: The counters of that link, or of the tunnel in which it goes.
+
+        Returns:
+            Bytes of the frame that have entries of their own: all, or 0 in a repetition or copy.
+        """
+        if self._is_claimed:
+            return 0
+        self._is_claimed = True
+        carrier.carry(self)
+        return self._size_bytes
+
+    def enter(self) -> None:
+        """Enter the rows: the frame is transmitted."""
+        for row in self._rows:
+            self._enter(*row)
+        for each in self._inside:
+            each.enter()
+
+
+class TunnelStats(LinkStats):
+    """The counters of a route, a bond or flooding: a link counts the frames around its own.
+
+    Whatever a frame is made of is entered when a link transmits it, which may be never.
+    """
+
+    def __init__(self, whole: EngineStats) -> None:
+        super().__init__(whole)
+        self._rows: list[_Row] = []
+        self._inside: list[Entries] = []
+
+    def attribute(self, stream_id: int, cause: Cause, transmitted_bytes: int) -> None:
+        """Note bytes of the frame that is being made."""
+        self._rows.append((stream_id, cause, transmitted_bytes))
+
+    def carry(self, entries: Entries) -> None:
+        """Take those of a frame in the one that is being made."""
+        self._inside.append(entries)
+
+    def made(self) -> Entries:
+        """Return the entries of the frame that has been made."""
+        made = Entries(super().attribute, self._rows, self._inside)
+        self._rows, self._inside = [], []
+        return made
 
     def sent(self, frame_bytes: int, airtime_ns: int) -> None:
-        """Count a frame that is given to the route."""
+        """Count a frame that is given to the tunnel."""
         EngineStats.sent(self, frame_bytes, airtime_ns)
 
     def heard(self, frame_bytes: int) -> None:

@@ -38,7 +38,7 @@ from zacoustic.core.base.linktypes import (
     TransmitOutcome,
     TransmitReport,
 )
-from zacoustic.core.base.stats import LinkStats
+from zacoustic.core.base.stats import Entries, LinkStats
 from zacoustic.core.base.timers import Due
 from zacoustic.core.bond.outbox import Outbox, Waiting
 from zacoustic.core.bond.policy import LinkPolicy
@@ -56,18 +56,19 @@ from zacoustic.core.wire.bond import (
     decode_answers,
     encode_answers,
 )
-from zacoustic.core.wire.relay import HEADER_BYTES, NUMBERS
+from zacoustic.core.wire.frame import PADDING
+from zacoustic.core.wire.relay import HEADER_BYTES
 
 _ANSWER_NS: Final = NS_PER_S // 10
 """Time in which a receiver decides and begins to answer, beside airtimes and propagation."""
 _SEEN_NS: Final = 60 * NS_PER_S
-_MOST_SEEN: Final = 1024
-"""How long, and how many, frames are remembered."""
+"""How long frames are remembered, ns."""
 _MOST_OWED: Final = 4 * MOST_ANSWERS
 """The most answers that wait for one node."""
 
-Deliver = Callable[[ReceivedFrame, int], None]
-"""Takes a frame of the bond."""
+Deliver = Callable[[ReceivedFrame, int, Callable[[int], None]], None]
+"""``(frame, now, opened_at)``: takes a frame of the bond; `opened_at` is called with the instant
+once a sealed one has been opened."""
 Report = Callable[[TransmitReport, int], None]
 """Takes the end of a transmission on the bond."""
 
@@ -106,6 +107,7 @@ class _Awaited(msgspec.Struct):
     """A frame whose answers are awaited."""
 
     frame: Transmission
+    entries: Entries
     is_urgent: bool
     expires_at: int | None
     by_link: dict[str, set[int]]
@@ -116,19 +118,23 @@ class _Awaited(msgspec.Struct):
     """The links by which it went."""
 
 
+class _Seen(msgspec.Struct):
+    """A frame of another node that has come."""
+
+    at: int
+    is_read: bool = False
+    """Whether it is authentic."""
+    links: dict[str, bool] = {}
+    """By which links it came, and whether its receivers answer there."""
+
+
 class _Sent:
     """A frame on its way by several links; its end is that of the first one that sent it."""
 
     def __init__(self, frame: Transmission, links: int, report: Report) -> None:
         self._transmission_id = frame.transmission_id
-        self._unclaimed_bytes = len(frame.frame_bytes)
         self._left = links
         self._report: Report | None = report
-
-    def claim(self) -> int:
-        """Return how many bytes of a copy the ledger of the bond has: those of the first one."""
-        claimed_bytes, self._unclaimed_bytes = self._unclaimed_bytes, 0
-        return claimed_bytes
 
     def ended(self, report: TransmitReport, now: int) -> None:
         """Take the end on one link."""
@@ -180,14 +186,15 @@ class Bonding:
             for link, rules in links.items()
         }
         self._policy = LinkPolicy(self._rules, self._reach, self.outboxes)
-        self._next_seq = rng.randrange(NUMBERS)
+        self._numbers, self._most_seen = context.sizes.hops, context.sizes.seen_hops
+        self._next_seq = rng.randrange(self._numbers)
         self._awaited: dict[int, _Awaited] = {}
         self._owed: PerPeer[list[tuple[int, int]]] = PerPeer(context.peers, list)
         self._came_by: PerPeer[str] = PerPeer(context.peers, str)
         """By which link the last frame of a node came."""
         self._heard: PerPeer[bool] = PerPeer(context.peers, bool)
         """The nodes of which a frame was read."""
-        self._seen: OrderedDict[tuple[int, int, int], int] = OrderedDict()
+        self._seen: OrderedDict[tuple[int, int, int], _Seen] = OrderedDict()
         self._again = 0
         self._deliver: Deliver | None = None
         self._report: Report | None = None
@@ -270,6 +277,7 @@ class Bonding:
     def submit(
         self,
         frame: Transmission,
+        entries: Entries,
         now: int,
         *,
         is_urgent: bool = False,
@@ -281,6 +289,7 @@ class Bonding:
 
         Args:
             frame: The frame.
+            entries: What it is to enter into the ledger.
             now: The instant, ns.
             is_urgent: Whether it goes before all others.
             is_granted: Whether it may go although the node is silent.
@@ -306,11 +315,20 @@ class Bonding:
         wanted = {link: peers for link, peers in by_link.items() if self._rules[link].answers}
         awaited = None
         if wanted:
-            awaited = _Awaited(frame, is_urgent, expires_at, wanted, {}, dict.fromkeys(by_link))
+            given = dict.fromkeys(by_link)
+            awaited = _Awaited(frame, entries, is_urgent, expires_at, wanted, {}, given)
             self._awaited[seq] = awaited
         for link in by_link:
             self._give(
-                link, seq, frame, now, sent, awaited, is_urgent=is_urgent, is_granted=is_granted
+                link,
+                seq,
+                frame,
+                entries,
+                now,
+                sent,
+                awaited,
+                is_urgent=is_urgent,
+                is_granted=is_granted,
             )
         for link in self._to_try(now):
             self._probe(link, now)
@@ -326,22 +344,42 @@ class Bonding:
         nodes = self._context.table.nodes
         if nodes and source not in nodes:
             return "relay_route"
-        if self._rules[link].answers:  # a hope, which an answer confirms
-            self._change(link, source, now, PeerReach.heard)
-        if bonded.wants_answer and self._rules[link].answers:
-            self._owe(link, source, bonded.seq, now)
-        reason = None
-        if bonded.content:
-            reason = "relay_again" if self._is_known(source, bonded, now) else None
-            if reason is None and self._deliver is not None:
-                self._came_by[source] = link
-                self._deliver(
-                    msgspec.structs.replace(frame, frame_bytes=bonded.content, source=source), now
-                )
+        if not bonded.content:
+            if self._context.is_sealed:  # a question has a seal as well
+                return "unsealed"
+            self._heard_by(link, source, bonded.seq, now, wants_answer=True)
+            self._rearm(now)
+            return None
+        seen, is_known = self._note(source, bonded, now)
+        # Who has copied it may bring it by another link: it is answered once by each.
+        is_again = link in seen.links
+        seen.links[link] = seen.links.get(link, False) or bonded.wants_answer
+        if not self._context.is_sealed or (seen.is_read and not is_again):
+            self._heard_by(link, source, bonded.seq, now, wants_answer=bonded.wants_answer)
+        if not is_known and self._deliver is not None:
+            self._came_by[source] = link
+            inside = msgspec.structs.replace(frame, frame_bytes=bonded.content, source=source)
+            self._deliver(inside, now, partial(self._opened, source, bonded.seq, seen))
         self._rearm(now)
-        return reason
+        return "relay_again" if is_known else None
 
     # Below the methods above
+
+    def _opened(self, source: int, seq: int, seen: _Seen, now: int) -> None:
+        """Take that a sealed frame is authentic, by whichever links it has come until now."""
+        if not self._context.is_sealed:
+            return
+        seen.is_read = True
+        for link, wants_answer in seen.links.items():
+            self._heard_by(link, source, seq, now, wants_answer=wants_answer)
+        self._rearm(now)
+
+    def _heard_by(self, link: str, source: int, seq: int, now: int, *, wants_answer: bool) -> None:
+        """Take that a node is heard on a link whose receivers answer; answer it."""
+        if self._rules[link].answers:
+            self._change(link, source, now, PeerReach.heard)  # a hope, which an answer confirms
+            if wants_answer:
+                self._owe(link, source, seq, now)
 
     def _read(self, source: int, now: int) -> None:
         """Take that a frame of a node was authentic, where that alone shows that a link works."""
@@ -359,7 +397,7 @@ class Bonding:
         return tuple(sorted({*self._hearers, *self._heard}))
 
     def _take_number(self) -> int:
-        seq, self._next_seq = self._next_seq, (self._next_seq + 1) % NUMBERS
+        seq, self._next_seq = self._next_seq, (self._next_seq + 1) % self._numbers
         self._awaited.pop(seq, None)
         return seq
 
@@ -368,6 +406,7 @@ class Bonding:
         link: str,
         seq: int,
         frame: Transmission,
+        entries: Entries,
         now: int,
         sent: _Sent | None,
         awaited: _Awaited | None,
@@ -397,7 +436,7 @@ class Bonding:
             now,
             is_urgent=is_urgent,
             ended=ended,
-            claim=sent.claim if sent is not None else lambda: 0,
+            entries=entries,
             is_granted=is_granted,
         )
         self.outboxes[link].put(waiting, now)
@@ -514,7 +553,16 @@ class Bonding:
             if other not in awaited.given:
                 awaited.given[other] = None
                 self._again += 1
-                self._give(other, seq, awaited.frame, now, None, None, is_urgent=awaited.is_urgent)
+                self._give(
+                    other,
+                    seq,
+                    awaited.frame,
+                    awaited.entries,
+                    now,
+                    None,
+                    None,
+                    is_urgent=awaited.is_urgent,
+                )
 
     def _to_try(self, now: int) -> list[str]:
         """Return the links that answer, are out of use for a node, and may be tried now."""
@@ -550,8 +598,19 @@ class Bonding:
         self._ask(link, peers[0] if len(peers) == 1 else BROADCAST, now)
 
     def _ask(self, link: str, destination: int, now: int) -> None:
-        content = Bonded(self.bond.number, self._take_number(), b"", True).encode()
-        self.outboxes[link].put(Waiting(destination, lambda room, now: content, now), now)
+        make = partial(self._make_question, destination, self._take_number())
+        self.outboxes[link].put(Waiting(destination, make, now), now)
+
+    def _make_question(self, destination: int, seq: int, room_bytes: int, now: int) -> bytes:
+        """Make a frame that only wants an answer; a sealed one holds padding."""
+        context, inside = self._context, b""
+        if context.is_sealed:
+            closing = context.seal.settle(destination, None, None, now)
+            inside = context.seal.close(
+                PADDING, destination, closing, now, needs_no_table=True,
+                padded_to=room_bytes - HEADER_BYTES,
+            )  # fmt: skip
+        return Bonded(self.bond.number, seq, inside, True).encode()
 
     def _in_doubt(self, link: str) -> list[int]:
         known = self._reach[link]
@@ -595,17 +654,17 @@ class Bonding:
                 )
             )
 
-    def _is_known(self, source: int, bonded: Bonded, now: int) -> bool:
-        """Return whether a frame has been here, by whichever link; remember it."""
+    def _note(self, source: int, bonded: Bonded, now: int) -> tuple[_Seen, bool]:
+        """Remember a frame; return what is known of it, and whether it has been here before."""
         key = source, bonded.seq, zlib.crc32(bonded.content)
-        seen_at = self._seen.get(key)
-        if seen_at is not None and now - seen_at <= _SEEN_NS:
-            return True
-        self._seen[key] = now
+        seen = self._seen.get(key)
+        if seen is not None and now - seen.at <= _SEEN_NS:
+            return seen, True
+        seen = self._seen[key] = _Seen(now)
         self._seen.move_to_end(key)
-        if len(self._seen) > _MOST_SEEN:
+        if len(self._seen) > self._most_seen:
             self._seen.popitem(last=False)
-        return False
+        return seen, False
 
 
 def _has_left(report: TransmitReport) -> bool:

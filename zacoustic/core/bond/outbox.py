@@ -8,7 +8,7 @@ import msgspec
 from zacoustic.core.base.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
-from zacoustic.core.base.stats import NO_STREAM, Cause, LinkStats
+from zacoustic.core.base.stats import NO_STREAM, Cause, Entries, LinkStats
 from zacoustic.core.schedule.sources import Forwarded
 
 MOST_WAITING: Final = 6
@@ -35,8 +35,8 @@ class Waiting(msgspec.Struct, eq=False):
     """Whether it goes before all others."""
     ended: Ended | None = None
     """Told when its transmission has ended, or will not begin."""
-    claim: Callable[[], int] = int
-    """Returns how many of its bytes the ledger of the bond has; called when it goes."""
+    entries: Entries | None = None
+    """What the frame of the bond is to enter into the ledger; None: it is none of a stream."""
     is_granted: bool = False
     """Whether it may go although the node is silent."""
 
@@ -122,7 +122,8 @@ class Outbox:
         if content is None or len(content) > room_bytes:
             _drop(frame, now)
             return None
-        self._stats.attribute(NO_STREAM, Cause.RELAY, len(content) - frame.claim())
+        claimed_bytes = 0 if frame.entries is None else frame.entries.claim(self._stats)
+        self._stats.attribute(NO_STREAM, Cause.RELAY, len(content) - claimed_bytes)
         part = Part() if frame.ended is None else Part(reported=frame.ended)
         return Forwarded(content=content, part=part, is_urgent=frame.is_urgent)
 

@@ -11,7 +11,6 @@ from typing import Final
 from zacoustic.core.base.linktypes import (
     LinkCapabilities,
     LinkState,
-    ReceivedFrame,
     TransmitReport,
 )
 from zacoustic.core.base.timers import Due
@@ -24,7 +23,7 @@ from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.relay.flooding import Flooding
 from zacoustic.core.relay.prober import Prober
 from zacoustic.core.relay.relay import Relay
-from zacoustic.core.schedule.context import Context, NodeContext
+from zacoustic.core.schedule.context import Context, NodeContext, Tunnel
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
@@ -82,7 +81,12 @@ class BondPorts:
             )
         # A frame on a route is for its other end, so such a bond has no frame for all.
         context = Context(
-            node, own.name, index, own.port, other_end=next(iter(ends), None), is_bond=True
+            node,
+            own.name,
+            index,
+            own.port,
+            other_end=next(iter(ends), None),
+            tunnel=Tunnel.BOND,
         )
         stats = context.node.stats.links
         bonding = Bonding(
@@ -102,7 +106,7 @@ class BondPorts:
         for bond in self._bonds:
             if any(each in self._links for each in bond.links):
                 port = FIRST_PORT - 1 + bond.number
-                yield bond, LinkRules(name=bond.name, port=port)
+                yield bond, LinkRules(name=bond.name, port=port, max_frame_s=None)
 
     def forwarding(
         self,
@@ -137,13 +141,10 @@ class BondPorts:
         def report(report: TransmitReport, now: int) -> None:
             stack.handle_report(report, now)
 
-        def deliver(frame: ReceivedFrame, now: int) -> None:
-            stack.handle_frame(frame, now)
-
         def is_waiting() -> bool:
             return not stack.is_idle or context.timers.is_armed(_AWAITING)
 
-        bonding.begin(deliver, report, is_waiting)
+        bonding.begin(stack.handle_frame, report, is_waiting)
 
     def submit(self, now: int) -> None:
         """Take what the bonds transmit."""
@@ -156,6 +157,7 @@ class BondPorts:
             while (made := stack.make_ranked(now)) is not None:
                 bonding.submit(
                     made.transmission,
+                    made.entries,
                     now,
                     is_urgent=made.is_urgent,
                     is_granted=self._silence.is_silent(now),

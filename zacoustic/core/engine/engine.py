@@ -49,6 +49,7 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.qos import Override
+from zacoustic.core.base.sizes import SIZES, Sizes
 from zacoustic.core.base.trace import Tracer, TraceSink
 from zacoustic.core.bond.bonding import BondStatus
 from zacoustic.core.engine.bondports import BondPorts
@@ -64,7 +65,7 @@ from zacoustic.core.relay.paths import PathState
 from zacoustic.core.relay.relay import Hop
 from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.access import AccessState
-from zacoustic.core.schedule.context import Context, NodeContext
+from zacoustic.core.schedule.context import Context, NodeContext, Tunnel
 from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.streams.keys import Instance
@@ -74,6 +75,7 @@ from zacoustic.core.transport.carry.status import CarryStatus, sum_of
 from zacoustic.core.transport.commands.commands import Commands
 from zacoustic.core.transport.commands.overrides import Overrides
 from zacoustic.core.transport.contract import MakeTransport, Transport
+from zacoustic.core.transport.deliveries import DeliveryEnded
 from zacoustic.core.transport.keydelivery import KeyDelivery
 from zacoustic.core.transport.publication import Publication
 from zacoustic.core.transport.routing import Routing
@@ -99,6 +101,7 @@ class Engine:
         trace: Takes a record of each action, or None.
         transports: Make third-party transports, one for each link
             (`zacoustic.core.transport.contract`).
+        sizes: The sizes of its number windows and tables.
         cipher: Has the keys of the fleet; then `epoch` must be a number that no other start of the
             node uses. None: frames are not sealed.
     """
@@ -114,6 +117,7 @@ class Engine:
         rules: TransmitRules = _NO_RULES,
         trace: TraceSink | None = None,
         transports: Sequence[MakeTransport] = (),
+        sizes: Sizes = SIZES,
         cipher: Cipher | None = None,
     ) -> None:
         self.address = address
@@ -124,9 +128,10 @@ class Engine:
         self._trace = Tracer(address, trace)
         self._now = 0
         self._events: deque[Event] = deque()
+        self._handed_over: Event | None = None
         emit = self._events.append
         node = NodeContext(
-            address, table, epoch, rng, stored, rules.of_peers, emit, cipher, rules.sealing
+            address, table, epoch, rng, stored, rules.of_peers, emit, sizes, cipher, rules.sealing
         )
         self.stats = node.stats
         self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
@@ -352,8 +357,10 @@ class Engine:
         `DeliveryEnded` follows; receivers that have part of a large one are informed.
         """
         self._now = now
-        found = self._given_by(delivery_id)
-        return found is not None and found[0].protocols.cancel_delivery(found[1], now)
+        stack = self._issuer(delivery_id)
+        return stack is not None and stack.protocols.cancel_delivery(
+            stack.ids.inner(delivery_id), now
+        )
 
     def refuse_object(self, source: int, transfer: int, now: int, link: str | None = None) -> bool:
         """Refuse the rest of an object named by `ObjectProgress`; return False if it has ended."""
@@ -374,14 +381,14 @@ class Engine:
         """
         self._now = now
         stack = self._stack_of(stream_id)
-        return stack.ids.outer(stack.protocols.call(stream_id, value, now, timeout_s=timeout_s))
+        return stack.protocols.call(stream_id, value, now, timeout_s=timeout_s)
 
     def cancel(self, call_id: int, now: int) -> None:
         """Cancel a call: its request is not sent if it still waits, and no event follows."""
         self._now = now
-        found = self._given_by(call_id)
-        if found is not None:
-            found[0].protocols.cancel(found[1], now)
+        stack = self._issuer(call_id)
+        if stack is not None:
+            stack.protocols.cancel(call_id, now)
 
     def reply(self, call: CallKey, value: object, now: int) -> bool:
         """Answer a request; return False when it is too late or was answered before.
@@ -417,17 +424,23 @@ class Engine:
 
     def poll_journal(self) -> JournalWrite | None:
         """Return the next journal write."""
+        self._settle_event()
         return self._journal.poll()
 
     def poll_event(self) -> Event | None:
-        """Return the next event for the application."""
+        """Return the next event for the application.
+
+        With the next poll for an event or a journal write the application has taken it.
+        """
         now, doubt = self._now, ""
         for stack in self._stacks.values():
             doubt = doubt or stack.transmitter.clock_doubt(now)
         self.clock.review(doubt, now)
         for stack in self._stacks.values():
             stack.transmitter.review(now)
-        return self._events.popleft() if self._events else None
+        self._settle_event()
+        self._handed_over = self._events.popleft() if self._events else None
+        return self._handed_over
 
     def poll_timeout(self) -> int | None:
         """Return the instant at which to call `handle_timeout`, ns.
@@ -549,8 +562,8 @@ class Engine:
 
     def is_delivering(self, delivery_id: int) -> bool:
         """Return whether a reliable sample has not ended."""
-        found = self._given_by(delivery_id)
-        return found is not None and found[0].protocols.is_delivering(found[1])
+        stack = self._issuer(delivery_id)
+        return stack is not None and stack.protocols.is_delivering(stack.ids.inner(delivery_id))
 
     def pending(self, stream_id: int) -> int:
         """Return how many payloads of a stream wait."""
@@ -606,7 +619,11 @@ class Engine:
             for index, own in enumerate(rules.of_links)
         ]
         ends = [
-            (route, own, Context(node, own.name, index, own.port, other_end=other_end))
+            (
+                route,
+                own,
+                Context(node, own.name, index, own.port, other_end=other_end, tunnel=Tunnel.ROUTE),
+            )
             for index, (route, other_end, own) in enumerate(self._route_ports.ends, len(links))
         ]
         bonds = [
@@ -638,8 +655,17 @@ class Engine:
         for own, context in bonds:
             self._bond_ports.add(make(own, context))
         if (flood := self._flood_port.rules) is not None:
-            context = Context(node, flood.name, len(self._stacks), flood.port)
+            index = len(self._stacks)
+            context = Context(node, flood.name, index, flood.port, tunnel=Tunnel.FLOOD)
             self._flood_port.add(make(flood, context))
+
+    def _settle_event(self) -> None:
+        """Note that the application has taken the last event."""
+        event, self._handed_over = self._handed_over, None
+        if isinstance(event, DeliveryEnded):
+            stack = self._issuer(event.delivery_id)
+            if stack is not None:
+                stack.protocols.end_taken(stack.ids.inner(event.delivery_id))
 
     def _begin(self, now: int) -> None:
         """Record the first instant since the restart; later calls have no effect."""
@@ -661,10 +687,9 @@ class Engine:
         named = self._links_of_streams.get(stream_id)
         return self._default if named is None else self._stack(named)
 
-    def _given_by(self, outer: int) -> tuple[LinkStack, int] | None:
-        """Return the link that issued an id, and the id on that link."""
-        found = ((stack, stack.ids.inner(outer)) for stack in self._stacks.values())
-        return next(((stack, inner) for stack, inner in found if inner is not None), None)
+    def _issuer(self, outer: int) -> LinkStack | None:
+        """Return the link that has assigned an id; None: none has."""
+        return next((each for each in self._stacks.values() if each.ids.issued(outer)), None)
 
     def _override(self, stream: Stream, override: Override) -> None:
         self._stack_of(stream.stream_id).protocols.override(stream, override)

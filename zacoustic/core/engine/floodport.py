@@ -15,10 +15,9 @@ from zacoustic.core.base.linktypes import (
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.profiles.rules import LinkRules
 from zacoustic.core.relay.flood import FLOOD_NAME, Flood
-from zacoustic.core.relay.flooding import Check, Flooding
-from zacoustic.core.schedule.context import Context, NodeContext
+from zacoustic.core.relay.flooding import Flooding
+from zacoustic.core.schedule.context import Context
 from zacoustic.core.wire.flood import FLOOD_PORT, Flooded
-from zacoustic.core.wire.seal import Way
 
 
 class FloodPort:
@@ -36,7 +35,11 @@ class FloodPort:
     @property
     def rules(self) -> LinkRules | None:
         """The rules of that link; None: nothing is flooded."""
-        return None if self._flood is None else LinkRules(name=FLOOD_NAME, port=FLOOD_PORT)
+        return (
+            None
+            if self._flood is None
+            else LinkRules(name=FLOOD_NAME, port=FLOOD_PORT, max_frame_s=None)
+        )
 
     def flooding_on(self, context: Context) -> Flooding | None:
         """Make the flooding on a link; None: it goes by another one."""
@@ -47,9 +50,9 @@ class FloodPort:
             self._flood,
             rng=context.generators.of("flooding"),
             stats=context.stats,
+            sizes=context.sizes,
             lists=context.table.lists,
             deliver=self._deliver,
-            check=None if context.node.seal is None else _checks(context.node),
         )
         return self._flooding
 
@@ -65,7 +68,12 @@ class FloodPort:
             frame = made.transmission
             ended = partial(self._stack.sent, frame.transmission_id, now)
             self._flooding.submit(
-                frame.destination, frame.frame_bytes, now, ended, is_urgent=made.is_urgent
+                frame.destination,
+                frame.frame_bytes,
+                now,
+                ended,
+                made.entries,
+                is_urgent=made.is_urgent,
             )
 
     def handle_state(
@@ -80,7 +88,7 @@ class FloodPort:
         if port is not None:
             self._flooding.use_link(port.capabilities)
             if capabilities is not None:
-                known = self._flood.capabilities(capabilities, port.envelope.room_bytes)
+                known = self._flood.capabilities(capabilities, hop.hop_room_bytes)
         if state is not LinkState.UP:
             self._flooding.link_down(now)
         self._stack.handle_state(state, known, now)
@@ -96,14 +104,3 @@ class FloodPort:
             destination=flooded.destination,
         )
         self._stack.handle_frame(frame, now)
-
-
-def _checks(node: NodeContext) -> Check:
-    """Return what checks the seals of frames that this node passes on."""
-
-    def check(origin: int, destination: int, content: bytes) -> bool | None:
-        assert node.seal is not None
-        way = Way(origin, destination, FLOOD_PORT)
-        return node.seal.examine(content, way, node.handshake.digest)
-
-    return check

@@ -65,6 +65,14 @@ class Forwarding:
             return self._flooding is not None
         return self._has_others or (self._prober is not None and decode_probe(records) is not None)
 
+    def goes_in_clear(self, records: bytes) -> bool:
+        """Return whether the link does not seal such a frame: it is a probe, or of a bond."""
+        if not is_relayed(records) or is_flooded(records):
+            return False
+        number = bond_of(records)
+        is_bonded = number in self._bonds or number in self._others
+        return is_bonded or decode_probe(records) is not None
+
     def handle(self, opened: Opened, frame: ReceivedFrame, now: int) -> str | None:
         """Take such a frame; return why it is dropped, or None."""
         if is_flooded(opened.records) and self._flooding is not None:

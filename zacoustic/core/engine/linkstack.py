@@ -5,7 +5,7 @@ so the loss of one link disturbs nothing on the other. Agreement with other node
 links (`zacoustic.core.schedule.context`). The engine knows which link a stream uses.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Final
 
@@ -22,6 +22,7 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.qos import Priority
+from zacoustic.core.base.stats import Entries
 from zacoustic.core.base.trace import Tracer
 from zacoustic.core.engine.forwarding import Forwarding
 from zacoustic.core.peers.sealing import Inside, Refusal
@@ -40,6 +41,7 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.contract import MakeTransport
 from zacoustic.core.wire.envelope import Envelope, Opened
+from zacoustic.core.wire.relay import is_relayed
 from zacoustic.core.wire.seal import NO_TABLE, Way
 
 _MAYBE_UNSEALED: Final = (Refusal.UNSEALED, Refusal.FORGED, Refusal.OUT_OF_STEP)
@@ -57,6 +59,8 @@ class Outgoing(msgspec.Struct, frozen=True):
     """Instant after which the first of its records is worthless, ns; None: none ever is."""
     is_heartbeat: bool
     """Whether it has nothing but the sign that this node is there."""
+    entries: Entries
+    """What it is still to enter into the ledger."""
 
 
 class LinkStack:
@@ -99,6 +103,13 @@ class LinkStack:
         """The transports."""
         self._access_rng = context.generators.of("access")
         self._access = own.access
+        self._max_airtime = own.max_airtime
+        on_desert = context.table.wire is WireProfile.RMW_DESERT
+        self._max_frame_s = None if on_desert else own.max_frame_s
+        """Longest airtime of a frame, s; None: as the wire, or a link below,
+        has it."""
+        self._told: LinkCapabilities | None = None
+        """The capabilities as the link told them."""
         self.transmitter = Transmitter(
             context.link,
             self.protocols,
@@ -120,8 +131,17 @@ class LinkStack:
 
     # Inputs
 
-    def handle_frame(self, frame: ReceivedFrame, now: int) -> None:
-        """Take a frame, or a piece of a byte stream."""
+    def handle_frame(
+        self, frame: ReceivedFrame, now: int, opened_at: Callable[[int], None] | None = None
+    ) -> None:
+        """Take a frame, or a piece of a byte stream.
+
+        Args:
+            frame: The frame.
+            now: The instant, ns.
+            opened_at: Called with the instant at which a sealed frame has been opened; None: nobody
+                wants to know.
+        """
         port = self.transmitter.port
         if port is None:
             self.stats.drop("link_down")
@@ -132,14 +152,11 @@ class LinkStack:
             if isinstance(opened, Opened) and self._is_relayed(opened):
                 reason = reason or self._take_relayed(opened, frame, port, now)
             elif isinstance(opened, Opened):
-                take = self._take_plain if self._seal is None else self._take_sealed
-                reason = take(opened, frame, port, reason, now)
-            if reason is not None:
-                self.stats.drop(reason)
-                self._trace.note(
-                    now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason,
-                    link=self.name,
-                )  # fmt: skip
+                if self._seal is None:
+                    reason = self._take_plain(opened, frame, port, reason, now)
+                else:
+                    reason = self._take_sealed(opened, frame, port, reason, opened_at, now)
+            self._drop(reason, frame, now)
 
     def handle_report(self, report: TransmitReport, now: int) -> None:
         """Take the report of a transmission that has ended."""
@@ -168,8 +185,9 @@ class LinkStack:
         self, state: LinkState, capabilities: LinkCapabilities | None, now: int
     ) -> bool:
         """Take the link's state; return whether it has changed."""
-        if capabilities is not None and capabilities != self.capabilities:
-            self.transmitter.use_link(capabilities, now)
+        if capabilities is not None and capabilities != self._told:
+            self.transmitter.use_link(self._bounded(capabilities), now)
+            self._told = capabilities
         if state is self.transmitter.link_state:
             return False
         self.transmitter.change_state(state, now)
@@ -181,7 +199,8 @@ class LinkStack:
     def switch(self, capabilities: LinkCapabilities, now: int) -> None:
         """Go on by another medium, by which whatever waits for an answer is due at once."""
         self._context.pacers.begin_anew()
-        self.transmitter.use_link(capabilities, now)
+        self.transmitter.use_link(self._bounded(capabilities), now)
+        self._told = capabilities
         self.protocols.link_up(now)
 
     # Outputs
@@ -208,7 +227,13 @@ class LinkStack:
         is_urgent = composed.is_urgent or any(map(self._is_urgent, composed.streams))
         if is_urgent and transmission.service is Service.PLAIN:
             transmission = msgspec.structs.replace(transmission, is_urgent=True)
-        return Outgoing(transmission, is_urgent, composed.expires_at, composed.is_heartbeat)
+        return Outgoing(
+            transmission,
+            is_urgent,
+            composed.expires_at,
+            composed.is_heartbeat,
+            self.stats.made(),
+        )
 
     # Getters
 
@@ -219,9 +244,15 @@ class LinkStack:
 
     @property
     def capabilities(self) -> LinkCapabilities | None:
-        """The link's capabilities; None before it was up."""
+        """The link's capabilities, its frames bounded in airtime; None before it was up."""
         port = self.transmitter.port
         return port.capabilities if port else None
+
+    @property
+    def hop_room_bytes(self) -> int:
+        """The most that a frame of a route, or a flooded one, has over this link, bytes."""
+        port, overhead_bytes = self.transmitter.port, self._context.seal.hop_overhead_bytes
+        return 0 if port is None else port.envelope.room_bytes - overhead_bytes
 
     @property
     def relay(self) -> Relay | None:
@@ -242,18 +273,32 @@ class LinkStack:
     # Below the methods above
 
     def _is_relayed(self, opened: Opened) -> bool:
-        return self._forwarding is not None and self._forwarding.takes(opened.records)
+        """Return whether a frame is of a route or bond, or flooded, and not sealed on this hop."""
+        forwarding, records = self._forwarding, opened.records
+        if forwarding is None or not forwarding.takes(records):
+            return False
+        return self._seal is None or forwarding.goes_in_clear(records)
 
     def _take_relayed(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
     ) -> str | None:
-        """Take a frame of a route or bond; return why it is dropped, or None."""
+        """Take such a frame; return why it is dropped, or None."""
         assert self._forwarding is not None
         if self._seal is None:
             self._hear(opened, frame, port, now)
-        else:  # nobody has sealed this hop
+        else:
             port.heard(opened.source, len(frame.frame_bytes), now, frame.service)
         return self._forwarding.handle(opened, frame, now)
+
+    def _take_from_hop(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> None:
+        """Take a frame of a route, or a flooded one, that its hop has sealed."""
+        self._hear(opened, frame, port, now)
+        reason: str | None = "relay_route"
+        if self._forwarding is not None and self._forwarding.takes(opened.records):
+            reason = self._forwarding.handle(opened, frame, now)
+        self._drop(reason, frame, now)
 
     def _take_plain(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int
@@ -267,7 +312,13 @@ class LinkStack:
         return reason
 
     def _take_sealed(
-        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int
+        self,
+        opened: Opened,
+        frame: ReceivedFrame,
+        port: LinkPort,
+        reason: str | None,
+        opened_at: Callable[[int], None] | None,
+        now: int,
     ) -> str | None:
         """Take a frame on a sealed link; return why it is dropped, or None.
 
@@ -280,7 +331,7 @@ class LinkStack:
         if reason == "own":
             refusal = seal.overhear_own(opened.records, way, digest)
         elif reason is None:
-            opens = partial(self._opened, opened, frame, port)
+            opens = partial(self._opened, opened, frame, port, opened_at)
             refusal = seal.open(opened.records, way, digest, now, opens)
         else:
             return reason
@@ -302,7 +353,13 @@ class LinkStack:
         return bool(self.protocols.receive_unsealed(plain, frame, port, allowed, now))
 
     def _opened(
-        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, inside: Inside, now: int
+        self,
+        opened: Opened,
+        frame: ReceivedFrame,
+        port: LinkPort,
+        opened_at: Callable[[int], None] | None,
+        inside: Inside,
+        now: int,
     ) -> None:
         """Take an opened frame, which no later start of this node will open again."""
         self._context.node.alarms.opened(opened.source)
@@ -316,7 +373,21 @@ class LinkStack:
             digest=digest,
             strong=inside.strong,
         )
-        self._receive(opened, frame, port, now)
+        if is_relayed(opened.records):
+            self._take_from_hop(opened, frame, port, now)
+        else:
+            self._receive(opened, frame, port, now)
+        if opened_at is not None:
+            opened_at(now)
+
+    def _drop(self, reason: str | None, frame: ReceivedFrame, now: int) -> None:
+        """Count a frame that is dropped; None: it is not."""
+        if reason is None:
+            return
+        self.stats.drop(reason)
+        self._trace.note(
+            now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason, link=self.name
+        )
 
     def _receive(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         self._hear(opened, frame, port, now)
@@ -345,6 +416,11 @@ class LinkStack:
             measurements.note(opened.source, frame.metrics, frame.received_at)
         port.heard(opened.source, len(frame.frame_bytes), now, frame.service)
 
+    def _bounded(self, capabilities: LinkCapabilities) -> LinkCapabilities:
+        if self._max_frame_s is None:
+            return capabilities
+        return capabilities.bounded(self._max_frame_s)
+
     def _make_port(self, capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
         return LinkPort(
             capabilities,
@@ -354,4 +430,6 @@ class LinkStack:
             envelope=envelope,
             measurements=self._context.node.measurements,
             most_outstanding=LONGEST_TRAIN if self._context.is_route else MOST_OUTSTANDING,
+            is_crowd=lambda: self._context.is_crowd,
+            max_airtime=self._max_airtime,
         )

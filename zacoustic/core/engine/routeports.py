@@ -21,12 +21,11 @@ from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.relay.paths import Paths
 from zacoustic.core.relay.prober import Prober
-from zacoustic.core.relay.relay import Check, Relay
+from zacoustic.core.relay.relay import Relay
 from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.context import Context, NodeContext
 from zacoustic.core.streams.wireprofile import WireProfile
-from zacoustic.core.wire.relay import FIRST_PORT, Number
-from zacoustic.core.wire.seal import Way
+from zacoustic.core.wire.relay import FIRST_PORT
 
 
 class RoutePorts:
@@ -62,23 +61,10 @@ class RoutePorts:
             timers=context.timers,
             measurements=context.node.measurements,
             stats=context.stats,
+            sizes=context.sizes,
             deliver=self._deliver,
-            check=None if context.node.seal is None else self._checks(context.node),
         )
         return relay
-
-    def _checks(self, node: NodeContext) -> Check:
-        """Return what checks the seals of frames that this node passes on."""
-        ports = {each.name: FIRST_PORT - 1 + each.route_id for each in self._rules.routes}
-
-        def check(route: Route, number: Number, content: bytes) -> bool | None:
-            assert node.seal is not None
-            first, last = route.path[0], route.path[-1]
-            source, destination = (last, first) if number.is_back else (first, last)
-            way = Way(source, destination, ports[route.name])
-            return node.seal.examine(content, way, node.handshake.digest)
-
-        return check
 
     def paths(self, node: NodeContext) -> Paths:
         """Return the paths of the routes, once all relays are made."""
@@ -108,7 +94,7 @@ class RoutePorts:
             other_end = route.other_end(self._address)
             if other_end is not None:
                 port = FIRST_PORT - 1 + route.route_id
-                yield route, other_end, LinkRules(name=route.name, port=port)
+                yield route, other_end, LinkRules(name=route.name, port=port, max_frame_s=None)
 
     def add(self, route: Route, stack: LinkStack, relay: Relay) -> None:
         """Take the stack of a route that ends here."""
@@ -124,7 +110,9 @@ class RoutePorts:
             while (made := stack.make_ranked(now)) is not None:
                 frame = made.transmission
                 ended = partial(stack.sent, frame.transmission_id, now)
-                relay.submit(route, frame.frame_bytes, now, ended, is_urgent=made.is_urgent)
+                relay.submit(
+                    route, frame.frame_bytes, now, ended, made.entries, is_urgent=made.is_urgent
+                )
 
     def handle_state(
         self, hop: LinkStack, state: LinkState, capabilities: LinkCapabilities | None, now: int
@@ -143,7 +131,7 @@ class RoutePorts:
             if route.link == hop.name:
                 known = None
                 if capabilities is not None and port is not None:
-                    known = route.capabilities(capabilities, port.envelope.room_bytes)
+                    known = route.capabilities(capabilities, hop.hop_room_bytes)
                 stack.handle_state(state, known, now)
 
     # Below the methods above

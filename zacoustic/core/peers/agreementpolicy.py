@@ -23,6 +23,9 @@ import enum
 from collections.abc import Mapping
 from typing import Final, Protocol
 
+TAGS_FROM_NODES: Final = 6
+"""From so many nodes on, `TAG` takes fewer bytes and less than half of the frames of `CONFIRM`, and
+more arrives: a report to all every five minutes, in the first hour (`bench_fleets.py`)."""
 HELLO_EVERY: Final = 8
 """One of this many marked broadcast frames carries a HELLO: one byte a frame, on average."""
 _FIRST_HELLO_GAPS: Final = (0, 2, 4)

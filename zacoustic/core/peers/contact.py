@@ -133,6 +133,11 @@ class Contact:
         if known is not None and known.is_lost:
             self._emit(PeerFound(address=source, found_at=now))
 
+    def is_lost(self, address: int) -> bool:
+        """Return whether a node has been silent for so long that it counts as lost."""
+        known = self._sightings.get(address)
+        return known is not None and known.is_lost
+
     def sightings(self) -> dict[int, Sighting]:
         """Return the sighting of each node that can be lost, by address."""
         return {

@@ -70,6 +70,14 @@ from zacoustic.core.wire.frame import LAST_STREAM_ID
 SETTLING_UNITS: Final = 4
 """A duplicate that a modem or the channel makes arrives within this many units. Modems need a few;
 four is generous."""
+LATEST_UNITS: Final = SETTLING_UNITS + 1
+"""A frame arrives within a unit, so it and all its duplicates within this many units after its
+transmission began. Whatever is done once is done once within this limit."""
+
+
+def latest_ns(settling_ns: int) -> int:
+    """Return the time in which a frame and all its duplicates arrive, by the settling time, ns."""
+    return settling_ns * LATEST_UNITS // SETTLING_UNITS
 
 
 def unit_ns(capabilities: LinkCapabilities) -> int:

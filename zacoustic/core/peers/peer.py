@@ -4,6 +4,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.allowance import SHARE
 from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.states import AGREEMENT, Agreement, Change, Life
@@ -14,15 +15,18 @@ _LONGEST_QUESTION_PAUSE_UNITS: Final = 64
 """A question goes to a node whose frames cannot be decoded here. It costs little, and all those
 frames are lost until it is answered."""
 
+_SHARE: Final = SHARE // 2
+"""As of repetitions; a node that is heard may be owed a question and an answer."""
+
 
 class Pause:
     """A pause that doubles with each use: nobody repeats a question faster than answers can come.
 
     Args:
-        longest_units: Its maximum, units.
+        longest_units: Its maximum, units; after long it is a share of the time since the first use.
     """
 
-    __slots__ = ("_longest_units", "_units", "not_before")
+    __slots__ = ("_longest_units", "_since", "_units", "not_before")
 
     def __init__(self, longest_units: int) -> None:
         self._longest_units = longest_units
@@ -31,11 +35,13 @@ class Pause:
     def reset(self) -> None:
         """Allow the next use at once."""
         self._units = _FIRST_PAUSE_UNITS
+        self._since: int | None = None
         self.not_before = 0
 
     def use(self, now: int, unit_ns: int) -> None:
         """Note a use; the next one is allowed after the pause."""
-        self.not_before = now + self._units * unit_ns
+        self._since = now if self._since is None else self._since
+        self.not_before = now + max(self._units * unit_ns, (now - self._since) // _SHARE)
         self._units = min(2 * self._units, self._longest_units)
 
     @property

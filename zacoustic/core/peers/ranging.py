@@ -19,7 +19,8 @@ The states of a peer whose range is wanted::
        └── the next one, a period later ◄─┴─ measured
 
 An exchange without a result is repeated until the time of the request is over. The pause doubles,
-so a peer that is gone costs little.
+and grows with the silence of the peer, so one that is gone costs little. When it is heard again,
+the next exchange may follow at once.
 """
 
 import enum
@@ -97,6 +98,8 @@ class Ranging:
         timers: Fire when the time of a request is over.
         rng: Draws when a schedule begins.
         emit: Takes events about requests.
+        in_vain: Told ``(address, at)`` of a frame that was not acknowledged.
+        ready_at: Returns from when on a frame may go to a node that did not acknowledge one, ns.
     """
 
     def __init__(
@@ -106,12 +109,16 @@ class Ranging:
         timers: Timers,
         rng: random.Random,
         emit: Callable[[RangeMeasured | RangeFailed], None],
+        in_vain: Callable[[int, int], None],
+        ready_at: Callable[[int], int],
     ) -> None:
         self._address = address
         self._table = table
         self._timers = timers
         self._rng = rng
         self._emit = emit
+        self._in_vain = in_vain
+        self._ready_at = ready_at
         self._capabilities: LinkCapabilities | None = None
         self._unit_ns = NS_PER_S
         self._quests: dict[int, _Quest] = {}
@@ -156,6 +163,13 @@ class Ranging:
         quest = self._quests.pop(address, None)
         for range_id in quest.requests if quest is not None else ():
             self._timers.cancel((Due.RANGE, range_id))
+
+    def peer_heard(self, address: int, now: int) -> None:
+        """Allow the next exchange at once: a silent node was heard."""
+        quest = self._quests.get(address)
+        if quest is not None:
+            quest.pause.reset()
+            quest.is_in_vain = False
 
     def repeat(self, address: int, every_s: float, now: int) -> None:
         """Measure the range of a peer periodically; replaces an earlier schedule for it.
@@ -242,7 +256,7 @@ class Ranging:
         quest = self._quests.get(address)
         if quest is None or self._objection(address):
             return None
-        at = quest.due_at(now)
+        at = self._due_at(address, quest, now)
         if at is None or (gives_way and quest.every_ns is None):
             return None
         if at + (quest.every_ns or 0) * gives_way > now:
@@ -270,9 +284,17 @@ class Ranging:
         wanted = [
             (at, address)
             for address, quest in self._quests.items()
-            if not self._objection(address) and (at := quest.due_at(now)) is not None
+            if not self._objection(address)
+            and (at := self._due_at(address, quest, now)) is not None
         ]
         return min(wanted, default=None)
+
+    def _due_at(self, address: int, quest: "_Quest", now: int) -> int | None:
+        """Return when an exchange with a peer is due, ns; None: none."""
+        at = quest.due_at(now)
+        if at is None or not quest.is_in_vain:
+            return at
+        return max(at, self._ready_at(address))
 
     def _reported(self, address: int, quest: "_Quest", report: TransmitReport, now: int) -> None:
         """An exchange has ended; its measurement comes a little later, if at all."""
@@ -280,6 +302,9 @@ class Ranging:
         quest.words = _words_of(report)
         if not quest.is_answered:
             quest.pause.use(now, self._unit_ns)
+            quest.is_in_vain = report.outcome is not TransmitOutcome.DELIVERED
+            if quest.is_in_vain:
+                self._in_vain(address, report.finished_at)
         self._forget_if_idle(address)
 
     def _check(self, address: int) -> None:
@@ -343,6 +368,8 @@ class _Quest:
         """The link has a frame for it that has not ended."""
         self.is_answered = False
         """That frame has brought a range."""
+        self.is_in_vain = False
+        """The last one was not acknowledged."""
         self.words = "nothing could be sent"
         """Outcome of the last exchange."""
 

@@ -16,7 +16,8 @@ write per frame would wear the disk out. So there are two ways to store windows:
 - *exact*: the highest counter and the window behind it are on disk before the frame is handed on.
   This is for strong frames and rare ones: after a power cut the next command is heard.
 - *ahead*: the disk has a mark up to `AHEAD` above the highest counter. The next life refuses
-  everything up to the mark; it loses at most that many frames that were never opened.
+  everything up to the mark; it loses at most that many frames that were never opened. A sender
+  whose node is silent goes on above such a mark: tries to a silent node are rare.
 
 The newest start of each source is a floor for all its windows: a port that never heard a source
 refuses frames of an earlier start.

@@ -34,7 +34,6 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.peers.replay import AHEAD, Mark, Window, life_of
-from zacoustic.core.wire.agreement import HELLO_CODE
 from zacoustic.core.wire.seal import (
     LAST_COUNTER,
     LAST_LIFE,
@@ -50,8 +49,6 @@ from zacoustic.core.wire.seal import (
     parse_sealed,
 )
 
-_DIGEST_AT: Final = 4
-"""Where the digest of the table begins in a HELLO."""
 _RARE_NS: Final = seconds_to_ns(5.0)
 """Ways whose frames are at least this far apart have exact marks."""
 _MARK_PREFIX: Final = "seal/"
@@ -157,10 +154,6 @@ class Seal:
         """and those of them that it has written."""
         self._floors: dict[int, int] = {}
         """The newest start of each source."""
-        self._passing: dict[Way, Window] = {}
-        """Counters of the frames that this node passes on for others,"""
-        self._of_others: dict[int, bytes] = {}
-        """and the digests of tables that such frames have announced."""
         self._recover(stored)
 
     # Outgoing
@@ -198,6 +191,17 @@ class Seal:
         """
         for way, sending in self._sending.items():
             if way.destination == address or (to_all and way.destination == BROADCAST):
+                sending.long_at = None
+
+    def pass_mark(self, address: int) -> None:
+        """Go on above the mark of a node that may have restarted: it refuses what is below.
+
+        Args:
+            address: The node.
+        """
+        for way, sending in self._sending.items():
+            if way.destination == address and sending.long_at is not None:
+                sending.counter = min(sending.counter + AHEAD, LAST_COUNTER)
                 sending.long_at = None
 
     def needs_long(
@@ -309,45 +313,6 @@ class Seal:
             return None
         return refusal
 
-    def examine(self, frame: bytes, way: Way, own_digest: bytes) -> bool | None:
-        """Return whether a frame between two other nodes is authentic and new; None: unknown.
-
-        It is unknown until a first frame of this way was authentic: this node may lack the key of
-        the two, or know nothing of their table.
-
-        Args:
-            frame: The frame.
-            way: Source, destination and port.
-            own_digest: Of this node's table.
-        """
-        plain, strong = (msgspec.structs.replace(way, strong=each) for each in (False, True))
-        failed = False if plain in self._passing or strong in self._passing else None
-        sealed = parse_sealed(frame)
-        if sealed is None:
-            return failed
-        way = strong if is_strong(sealed.head) else plain
-        window = self._passing.get(way) or Window()
-        known = (self._passing.get(plain), self._passing.get(strong))
-        newest = max((each.start for each in known if each is not None), default=-1)
-        generation = self._cipher.generation
-        generation -= (generation ^ sealed.head.generation) & 1
-        digests = (own_digest, self._of_others.get(way.source, own_digest), NO_TABLE)
-        for start, counter in window.candidates(sealed.head, generation, newest):
-            number = nonce(way, life_of(start), counter)
-            opened = self._try_each(sealed, way, number, life_of(start), digests)
-            if opened is None:
-                continue
-            if start < newest or not window.is_new(start, counter):
-                return False
-            window.note(start, counter)
-            self._passing[way] = window
-            if opened.digest == NO_TABLE and opened.records[:1] == bytes((HELLO_CODE,)):
-                self._of_others[way.source] = opened.records[
-                    _DIGEST_AT : _DIGEST_AT + len(NO_TABLE)
-                ]
-            return True
-        return failed
-
     def overhear_own(self, frame: bytes, way: Way, own_digest: bytes) -> Refusal | None:
         """Examine a frame of this node's own address: an echo, a forgery, or a clone's frame.
 
@@ -383,12 +348,7 @@ class Seal:
         self, sealed: SealedFrame, way: Way, number: bytes, life: int, own_digest: bytes
     ) -> Inside | None:
         announced = self._announced(way.source) or own_digest
-        return self._try_each(sealed, way, number, life, (own_digest, announced, NO_TABLE))
-
-    def _try_each(
-        self, sealed: SealedFrame, way: Way, number: bytes, life: int, digests: tuple[bytes, ...]
-    ) -> Inside | None:
-        for digest in dict.fromkeys(digests):
+        for digest in dict.fromkeys((own_digest, announced, NO_TABLE)):
             associated = associated_data(sealed.head_bytes, way, digest)
             generation = sealed.head.generation
             records = self._cipher.open(generation, way, number, sealed.body, associated)

@@ -53,6 +53,8 @@ class Profile(ABC):
             context.timers,
             context.generators.of("ranging"),
             context.emit,
+            context.pacers.in_vain,
+            context.pacers.quiet_until,
         )
         """The wanted ranges."""
         self.repeater = Repeater(
@@ -70,6 +72,7 @@ class Profile(ABC):
         self.transports: MappingProxyType[str, Transport] = MappingProxyType({})
         """Third-party transports, by name."""
         context.peers.forgotten.connect(self.ranging.peer_forgotten)
+        context.pacers.released.connect(self.ranging.peer_heard)
 
     # Commands
 
@@ -99,6 +102,9 @@ class Profile(ABC):
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
         """Cancel a reliable sample; see `Engine.cancel_delivery`."""
         return False
+
+    def end_taken(self, delivery_id: int) -> None:
+        """Note that the application has taken the end of a sample."""
 
     def refuse_object(self, source: int, transfer: int, now: int) -> bool:
         """Refuse the rest of an object; see `Engine.refuse_object`."""

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from zacoustic.core.base.linktypes import ONE_LINK
+from zacoustic.core.base.linktypes import MAX_FRAME_S, ONE_LINK
 from zacoustic.core.bond.spec import Bond, BondLink
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import ContactRules
@@ -29,6 +29,8 @@ class LinkRules(msgspec.Struct, frozen=True, kw_only=True):
     max_airtime: float | None = None
     """Share of the time that the node may transmit, above 0, at most 1, not counting REAL_TIME;
     None: no cap."""
+    max_frame_s: float | None = MAX_FRAME_S
+    """Longest airtime of a frame, s, > 0; None: no bound, as for what goes by other links."""
     port: int | None = None
     """The link's number in sealed frames, 0…127, the same at both ends; None: its index in the
     list."""
@@ -50,6 +52,8 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
     max_airtime: float | None = None
     """Share of the time that the node may transmit, above 0, at most 1, not counting REAL_TIME;
     None: no cap."""
+    max_frame_s: float | None = MAX_FRAME_S
+    """Longest airtime of a frame, s, > 0; None: no bound."""
 
     commands_from: frozenset[int] | None = None
     """Addresses of the nodes whose commands over the channel this one executes; None: all nodes of
@@ -112,7 +116,11 @@ class TransmitRules(msgspec.Struct, frozen=True, kw_only=True):
             ConfigError: Two links have the same name, or a stream uses a link that does not exist.
         """
         one = LinkRules(
-            name=ONE_LINK, access=self.access, max_airtime=self.max_airtime, port=self.port
+            name=ONE_LINK,
+            access=self.access,
+            max_airtime=self.max_airtime,
+            max_frame_s=self.max_frame_s,
+            port=self.port,
         )
         links = self.links or (one,)
         names = [each.name for each in links]

@@ -3,6 +3,7 @@
 import enum
 from collections.abc import Callable
 
+from zacoustic.core.base.stats import Entries
 from zacoustic.core.wire.relay import Number, Relayed
 
 
@@ -25,9 +26,10 @@ class Custody:
         queued_at: Instant since which this node has it, ns.
         expires_at: Instant after which it is dropped, ns.
         ended: Called with the instant when it is over; None: it comes from another node.
+        entries: What a frame of this node is to enter into the ledger.
     """
 
-    __slots__ = ("ended", "expires_at", "queued_at", "relayed", "stage", "tries")
+    __slots__ = ("ended", "entries", "expires_at", "queued_at", "relayed", "stage", "tries")
 
     def __init__(
         self,
@@ -35,11 +37,13 @@ class Custody:
         queued_at: int,
         expires_at: int,
         ended: Callable[[int], None] | None = None,
+        entries: Entries | None = None,
     ) -> None:
         self.relayed = relayed
         self.queued_at = queued_at
         self.expires_at = expires_at
         self.ended = ended
+        self.entries = entries
         self.stage = Stage.WAITING
         self.tries = 0
 

@@ -4,19 +4,20 @@ An emergency has no time to find out by which way it arrives. So a frame of a st
 goes to all nodes of the link, and each of them passes it on, after a random pause, until it has
 gone its number of hops. That costs a frame of every node in reach. Who then hears no other node
 pass it on repeats it, twice at most: without that a line of nodes loses most. The node that a frame
-is for passes it on as well, which tells the one before. A reliable stream is also repeated from its
-end, like on any link.
+is for passes it on as well, which tells the one before. After eight frames in a row for one node
+that nobody passed on, further ones go once, until somebody does or that node is heard. A reliable
+stream is also repeated from its end, like on any link.
 
 A frame is known by its origin, its number and its bytes for four times as long as it can be on its
-way. What comes again, from whatever side, is dropped. A node with the fleet's key passes nothing on
-that nobody of the fleet has made, and no node spends more than its share for others.
+way. What comes again, from whatever side, is dropped. In a fleet with a key each hop is sealed, so
+a node passes on only what a node of the fleet has sent it; and no node spends more than its share
+for others.
 
 ======================  ===================================================================
 Drop                    reason
 ======================  ===================================================================
 ``flood_format``        the frame cannot be decoded
 ``flood_stranger``      its origin is not in the fleet
-``flood_forged``        no node of the fleet has made it, or it is a replay
 ``flood_again``         it has been here
 ``flood_full``          it gave way to a newer one, or was too old before it could go
 ======================  ===================================================================
@@ -24,7 +25,7 @@ Drop                    reason
 
 import random
 import zlib
-from collections import OrderedDict
+from collections import Counter, OrderedDict
 from collections.abc import Callable
 from functools import partial
 from typing import Final
@@ -35,16 +36,18 @@ from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, TransmitReport
 from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
-from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats
+from zacoustic.core.base.sizes import SIZES, Sizes
+from zacoustic.core.base.stats import NO_STREAM, Cause, Entries, LinkStats
 from zacoustic.core.relay.flood import SPREAD_FRAMES, Flood
 from zacoustic.core.schedule.airtime import AirtimeAccount
 from zacoustic.core.schedule.sources import Forwarded
 from zacoustic.core.wire.flood import HEADER_BYTES, Flooded, decode
-from zacoustic.core.wire.relay import NUMBERS
 
 _MOST_WAITING: Final = 16
 """How many frames of others wait at most."""
 _MOST_TRIES: Final = 3
+_MOST_VAIN: Final = 8
+"""After so many frames for one node that nobody passed on, the next ones go once."""
 _DECIDES_NS: Final = 12 * NS_PER_S // 10
 """Time in which a neighbour begins to pass a frame on, beside its pause, airtimes and sound."""
 _LONGEST_DRAW: Final = 1.5
@@ -52,12 +55,9 @@ _FRAMES_EACH: Final = 2
 """A node passes a frame on after a pause of up to so many largest frames for each neighbour, which
 have all heard it at the same instant: of many, the first is as early as the only one of few."""
 _MOST_NEIGHBOURS: Final = 40
-_MOST_SEEN: Final = 1024
 _LIFETIMES: Final = 4
 _PATIENCE_NS: Final = PATIENCE_NS[Priority.INTERACTIVE_HIGH]
 
-Check = Callable[[int, int, bytes], bool | None]
-"""``(origin, destination, frame)``: whether it is authentic; None: nobody can tell."""
 Deliver = Callable[[Flooded, int], None]
 """``(frame, now)``: takes a frame for this node."""
 
@@ -72,6 +72,8 @@ class _Waiting(msgspec.Struct):
     is_own: bool = False
     ended: Callable[[int], None] | None = None
     """Called at the end of the first transmission of an own frame; None: it was, or never is."""
+    entries: Entries | None = None
+    """What an own frame is to enter into the ledger."""
     tries: int = 0
 
 
@@ -85,7 +87,6 @@ class Flooding:
         stats: Counters of the link.
         lists: Returns whether an address belongs to the fleet.
         deliver: Takes frames for this node.
-        check: Checks seals; None: this node has no key.
     """
 
     has_granted = False
@@ -97,10 +98,10 @@ class Flooding:
         flood: Flood,
         *,
         rng: random.Random,
-        stats: EngineStats,
+        stats: LinkStats,
+        sizes: Sizes = SIZES,
         lists: Callable[[int], bool],
         deliver: Deliver,
-        check: Check | None = None,
     ) -> None:
         self._address = address
         self._flood = flood
@@ -109,9 +110,11 @@ class Flooding:
         self._stats = stats
         self._lists = lists
         self._deliver = deliver
-        self._check = check
         self._hop: LinkCapabilities | None = None
-        self._next_seq = rng.randrange(NUMBERS)
+        self._numbers, self._most_seen = sizes.hops, sizes.seen_hops
+        self._next_seq = rng.randrange(sizes.hops)
+        self._vain = Counter[int]()
+        """Frames in a row that nobody passed on, though somebody should have, by destination."""
         self._neighbours: set[int] = set()
         """Nodes of which a frame has come."""
         self._waiting: list[_Waiting] = []
@@ -128,8 +131,8 @@ class Flooding:
             self._end(each, now)
 
     def submit(
-        self, destination: int, content: bytes, now: int, ended: Callable[[int], None], *,
-        is_urgent: bool,
+        self, destination: int, content: bytes, now: int, ended: Callable[[int], None],
+        entries: Entries, *, is_urgent: bool,
     ) -> None:  # fmt: skip
         """Take a frame of this node.
 
@@ -138,13 +141,14 @@ class Flooding:
             content: The frame.
             now: The instant, ns.
             ended: Called with the instant at the end of its transmission.
+            entries: What the frame is to enter into the ledger.
             is_urgent: Whether it goes before all others.
         """
         seq = self._next_seq
-        self._next_seq = (seq + 1) % NUMBERS
+        self._next_seq = (seq + 1) % self._numbers
         flooded = Flooded(self._address, destination, seq, self._flood.hops - 1, content)
         until = now + self._longest_ns
-        self._waiting.append(_Waiting(flooded, now, until, is_urgent, True, ended))
+        self._waiting.append(_Waiting(flooded, now, until, is_urgent, True, ended, entries))
 
     def handle(self, source: int, content: bytes, now: int) -> str | None:
         """Take a frame of a neighbour; return why it is dropped, or None.
@@ -159,14 +163,13 @@ class Flooding:
             return "flood_format"
         if self._lists(source):
             self._neighbours.add(source)
+            for each in (source, flooded.origin, BROADCAST):
+                self._vain.pop(each, None)
         if flooded.origin == self._address or self._is_known(flooded, now):
             self._overheard(flooded)
             return "flood_again"
         if not self._lists(flooded.origin):
             return "flood_stranger"
-        ends = flooded.origin, flooded.destination
-        if self._check is not None and self._check(*ends, flooded.content) is False:
-            return "flood_forged"
         self._remember(flooded, now)
         self._pass_on(flooded, now)
         if flooded.destination in (self._address, BROADCAST):
@@ -201,7 +204,11 @@ class Flooding:
             return None
         rank = FIRST_BUT_URGENT if waiting.is_urgent else waiting.from_at + _PATIENCE_NS
         return Offer(
-            destination=BROADCAST, rank=rank, is_forwarded=True, ignores_hold=waiting.is_urgent
+            destination=BROADCAST,
+            rank=rank,
+            is_forwarded=True,
+            sealed_bytes=HEADER_BYTES + len(waiting.flooded.content),
+            ignores_hold=waiting.is_urgent,
         )
 
     def take(self, room_bytes: int, now: int) -> Forwarded | None:
@@ -216,14 +223,14 @@ class Flooding:
             self._end(waiting, now)
             return None
         waiting.tries += 1
-        # The other bytes of an own frame are in the ledger of its link.
-        is_in_ledger = waiting.is_own and waiting.tries == 1
-        self._stats.attribute(NO_STREAM, Cause.RELAY, HEADER_BYTES if is_in_ledger else len(said))
+        claimed_bytes = 0 if waiting.entries is None else waiting.entries.claim(self._stats)
+        self._stats.attribute(NO_STREAM, Cause.RELAY, len(said) - claimed_bytes)
         if not waiting.is_own and self._hop is not None:
             self._account.spend(self._hop.airtime_ns(len(said)), now)
         part = Part(reported=partial(self._reported, waiting))
         is_urgent = waiting.is_own and waiting.is_urgent
-        return Forwarded(content=said, part=part, is_urgent=is_urgent)
+        is_pressing = waiting.is_urgent or waiting.tries > 1
+        return Forwarded(content=said, part=part, is_urgent=is_urgent, is_pressing=is_pressing)
 
     # Below the methods above
 
@@ -267,7 +274,11 @@ class Flooding:
     def _reported(self, waiting: _Waiting, report: TransmitReport, now: int) -> None:
         """Take the end of a transmission; wait for a neighbour to pass the frame on."""
         self._end(waiting, now)
-        if self._hop is None or waiting.tries >= _MOST_TRIES:
+        flooded = waiting.flooded
+        is_vain = self._vain[flooded.destination] >= _MOST_VAIN
+        if self._hop is None or waiting.tries >= (1 if is_vain else _MOST_TRIES):
+            if flooded.left and self._lists_all(flooded.destination):
+                self._vain[flooded.destination] += not is_vain
             return
         pause_ns = self._spread_ns(self._hop) + _DECIDES_NS
         pause_ns += 2 * self._hop.airtime_ns(self._hop.mtu_bytes)
@@ -275,15 +286,21 @@ class Flooding:
         waiting.from_at = now + round(pause_ns * self._rng.uniform(1, _LONGEST_DRAW))
         self._waiting.append(waiting)
 
+    def _lists_all(self, destination: int) -> bool:
+        return destination == BROADCAST or self._lists(destination)
+
     def _overheard(self, flooded: Flooded) -> None:
         """Repeat a frame no more: another node has passed it on, as far as this one or further."""
-        self._waiting = [
+        waiting = [
             each
             for each in self._waiting
             if not each.tries
             or _identity(each.flooded) != _identity(flooded)
             or each.flooded.left < flooded.left
         ]
+        if len(waiting) < len(self._waiting):
+            self._waiting = waiting
+            self._vain.pop(flooded.destination, None)
 
     def _end(self, waiting: _Waiting, now: int) -> None:
         """Report the end of an own frame, once."""
@@ -298,7 +315,7 @@ class Flooding:
     def _remember(self, flooded: Flooded, now: int) -> None:
         self._seen[_identity(flooded)] = now
         self._seen.move_to_end(_identity(flooded))
-        if len(self._seen) > _MOST_SEEN:
+        if len(self._seen) > self._most_seen:
             self._seen.popitem(last=False)
 
 

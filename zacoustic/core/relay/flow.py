@@ -15,7 +15,9 @@ awaiting      all its frames are heard further along, or   idle; what is missing
 awaiting      the pause is over                            idle, the same; the next pause is longer
 ============  ===========================================  =======================================
 
-A frame is given up after eight tries, or when it is too old.
+A frame is given up after eight tries, or when it is too old. After as many vain pauses without any
+sign of the next node, each further frame has one try only, until that node is heard: its end
+repeats it, and waits ever longer.
 """
 
 from typing import Final
@@ -26,6 +28,10 @@ LONGEST_TRAIN: Final = 12
 """The most frames of a train."""
 MOST_TRIES: Final = 8
 """How often a node transmits a frame of a route at most."""
+_MOST_UNHEARD: Final = 8
+_MOST_VAIN: Final = 64
+"""After so many vain pauses in a row the next node counts as silent: if it was not heard meanwhile,
+and in any case."""
 
 
 class Flow:
@@ -40,7 +46,7 @@ class Flow:
 
     __slots__ = (
         "_train", "frames", "given_up", "is_awaiting", "is_back", "next_is_end", "passed_on",
-        "route", "to_next", "transmissions", "vain", "was_answered",
+        "route", "to_next", "transmissions", "unheard", "vain", "was_answered",
     )  # fmt: skip
 
     def __init__(
@@ -58,6 +64,8 @@ class Flow:
         """Whether a frame of the last train was heard further along."""
         self.vain = 0
         """How many pauses in a row were over without any sign."""
+        self.unheard = 0
+        """How many of these since the next node was last heard on this route."""
         self.passed_on = 0
         """How many frames a node further along the path has."""
         self.transmissions = 0
@@ -123,10 +131,12 @@ class Flow:
             Those that are given up instead.
         """
         self.is_awaiting = False
+        is_silent = self.unheard >= _MOST_UNHEARD or self.vain >= _MOST_VAIN
+        most_tries = 1 if is_silent else MOST_TRIES
         given_up = []
         for each in self.frames.values():
             if each.stage is Stage.AWAITING and (each.is_urgent or not urgent_only):
                 each.stage = Stage.WAITING
-                if each.tries >= MOST_TRIES or now >= each.expires_at:
+                if each.tries >= most_tries or now >= each.expires_at:
                     given_up.append(each)
         return given_up

@@ -16,10 +16,9 @@ Drop                    reason
 ======================  ===================================================================
 ``relay_format``        the frame cannot be decoded
 ``relay_route``         this node has no such route, or its sender is not in the path
-``relay_forged``        no node of the fleet has made it, or it is a replay
 ``relay_again``         a frame of a route that has been here
 ``relay_full``          a frame in custody gave way to a newer one
-``relay_given_up``      eight tries, or too old
+``relay_given_up``      eight tries, or one if the next node is silent; or too old
 ======================  ===================================================================
 
 Source:
@@ -45,7 +44,8 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
-from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats
+from zacoustic.core.base.sizes import SIZES, Sizes
+from zacoustic.core.base.stats import NO_STREAM, Cause, Entries, LinkStats
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.relay.custody import Custody, Stage
@@ -56,7 +56,6 @@ from zacoustic.core.schedule.airtime import AirtimeAccount
 from zacoustic.core.schedule.sources import Forwarded
 from zacoustic.core.wire.relay import (
     HEADER_BYTES,
-    NUMBERS,
     HopAcks,
     Number,
     Relayed,
@@ -71,14 +70,10 @@ _MOST_SPREADS: Final = 3
 """Pauses become longer with each vain one up to this many times: eight tries fit the lifetime."""
 MOST_IN_CUSTODY: Final = 256
 """The largest `RelayRules.queue`."""
-_MOST_SEEN: Final = 1024
-"""The most frames that are remembered."""
 _PATIENCE_NS: Final = PATIENCE_NS[Priority.INTERACTIVE_HIGH]
 
 Deliver = Callable[[Route, int, bytes, int], None]
 """``(route, source, frame, now)``: takes a frame at the end of a route."""
-Check = Callable[[Route, Number, bytes], bool | None]
-"""``(route, number, frame)``: whether a frame of a route is authentic; None: nobody can tell."""
 _Seen = tuple[Number, int]
 
 
@@ -120,8 +115,8 @@ class Relay:
         timers: Timers of this link.
         measurements: Has the distances of the neighbours.
         stats: Counters of this link.
+        sizes: How many numbers frames have, and how many of them are remembered.
         deliver: Takes frames for this node.
-        check: Checks the seals of the frames of others; None: this node has no key.
     """
 
     def __init__(
@@ -134,9 +129,9 @@ class Relay:
         rng: random.Random,
         timers: Timers,
         measurements: Measurements,
-        stats: EngineStats,
+        stats: LinkStats,
+        sizes: Sizes = SIZES,
         deliver: Deliver,
-        check: Check | None = None,
     ) -> None:
         self._address = address
         self._routes = dict(routes)
@@ -148,11 +143,11 @@ class Relay:
         self._measurements = measurements
         self._stats = stats
         self._deliver = deliver
-        self._check = check
         self._hop: LinkCapabilities | None = None
         self._frame_ns = 0
         self._flows: dict[tuple[int, bool], Flow] = {}
         self._gates: dict[int, Gate] = {}
+        self._numbers, self._most_seen = sizes.hops, sizes.seen_hops
         self._next_seq: dict[int, int] = {}
         self._used: dict[int, int] = {}
         """The number of the path on which this node transmits, by route, if that was changed."""
@@ -172,7 +167,7 @@ class Relay:
             self._flows.setdefault((number, is_back), flow)
         if number not in self._gates:
             self._gates[number] = Gate()
-            self._next_seq[number] = self._rng.randrange(NUMBERS)
+            self._next_seq[number] = self._rng.randrange(self._numbers)
 
     def use(self, route_id: int, number: int, now: int) -> None:
         """Transmit on another path of a route from now on.
@@ -193,7 +188,7 @@ class Relay:
             for seq, custody in list(old.frames.items()):
                 if custody.is_own and not custody.tries:
                     del old.frames[seq]
-                    moved = Number(number, is_back, self._take_seq(number))
+                    moved = Number(number, is_back, self._take_seq(number, new))
                     custody.relayed = msgspec.structs.replace(custody.relayed, number=moved)
                     new.frames[moved.seq] = custody
             self._settle(old, now)
@@ -236,6 +231,7 @@ class Relay:
         content: bytes,
         now: int,
         ended: Callable[[int], None],
+        entries: Entries,
         *,
         is_urgent: bool = False,
     ) -> None:
@@ -246,14 +242,16 @@ class Relay:
             content: The frame.
             now: The instant, ns.
             ended: Called with the instant when the next node has it, or it is given up.
+            entries: What the frame is to enter into the ledger.
             is_urgent: Whether it goes before all others.
         """
         used = self._used.get(route.route_id, route.route_id)
-        seq = self._take_seq(used)
-        number = Number(used, self._address == route.path[-1], seq)
+        is_back = self._address == route.path[-1]
+        flow = self._flows[used, is_back]
+        number = Number(used, is_back, self._take_seq(used, flow))
         expires_at = now + seconds_to_ns(route.longest_s)
         relayed = Relayed(number, content, is_urgent=is_urgent)
-        self._flow(number).frames[seq] = Custody(relayed, now, expires_at, ended)
+        flow.frames[number.seq] = Custody(relayed, now, expires_at, ended, entries)
 
     def hops(self) -> list[Hop]:
         """Return how the hops from this node do, in the order of the routes."""
@@ -305,7 +303,12 @@ class Relay:
     def offer(self, now: int) -> Offer | None:
         """Return what would go now; None: nothing is due."""
         if self._due_acks(now):
-            return Offer(destination=BROADCAST, rank=FIRST_BUT_URGENT, is_forwarded=True)
+            return Offer(
+                destination=BROADCAST,
+                rank=FIRST_BUT_URGENT,
+                is_forwarded=True,
+                sealed_bytes=HEADER_BYTES,
+            )
         found = self._next(now)
         if found is None:
             return None
@@ -316,6 +319,7 @@ class Relay:
             destination=BROADCAST,
             rank=rank,
             is_forwarded=True,
+            sealed_bytes=HEADER_BYTES + len(custody.relayed.content),
             ignores_hold=custody.is_urgent,
         )
 
@@ -338,15 +342,14 @@ class Relay:
             return None
         flow.begin()
         said = msgspec.structs.replace(custody.relayed, more=flow.is_in_train).encode()
-        # The other bytes of an own frame are in the ledger of its route.
-        is_in_ledger = custody.is_own and custody.tries == 1
-        new_bytes = HEADER_BYTES if is_in_ledger else len(said)
-        self._stats.attribute(NO_STREAM, Cause.RELAY, new_bytes)
+        claimed_bytes = 0 if custody.entries is None else custody.entries.claim(self._stats)
+        self._stats.attribute(NO_STREAM, Cause.RELAY, len(said) - claimed_bytes)
         if not custody.is_own:
             self._spend(said, now)
         part = Part(reported=partial(self._reported, flow, custody))
         is_urgent = custody.is_own and custody.is_urgent
-        return Forwarded(content=said, part=part, is_urgent=is_urgent)
+        is_pressing = custody.is_urgent or custody.tries > 1
+        return Forwarded(content=said, part=part, is_urgent=is_urgent, is_pressing=is_pressing)
 
     # What this node hears
 
@@ -368,6 +371,7 @@ class Relay:
         steps = self._steps(number, source)
         if steps == 0:
             return None if number.route in self._others else "relay_route"
+        self._hear(number, source)
         flow = self._flow(number)
         if steps > 0:
             if steps == 1:
@@ -380,11 +384,19 @@ class Relay:
 
     # Below the methods above
 
+    def _hear(self, number: Number, source: int) -> None:
+        """Note that a node of a route was heard on it."""
+        for is_back in (False, True):
+            flow = self._flows[number.route, is_back]
+            if flow.to_next == source:
+                flow.unheard = 0
+
     def _acknowledged(self, source: int, acks: HopAcks, now: int) -> None:
         """Take hop acknowledgements; those of the end show what it has not received."""
         for number in acks.numbers:
             if self._steps(number, source) <= 0:
                 continue
+            self._hear(number, source)
             flow, gate = self._flow(number), self._gate(number)
             custody = flow.frames.get(number.seq)
             if custody is not None:
@@ -404,7 +416,7 @@ class Relay:
 
     def _passed_on(self, flow: Flow, custody: Custody, now: int) -> None:
         """End the custody of a frame that a node further along the path has."""
-        flow.was_answered, flow.vain = True, 0
+        flow.was_answered, flow.vain, flow.unheard = True, 0, 0
         flow.passed_on += 1
         self._end(flow, custody, now)
 
@@ -419,8 +431,6 @@ class Relay:
                 self._acks[number] = None
             return "relay_again"
         route = self._routes[number.route]
-        if not is_end and self._check and self._check(route, number, relayed.content) is False:
-            return "relay_forged"
         self._remember(relayed, now)
         if is_end:
             self._acks[number] = None
@@ -434,9 +444,14 @@ class Relay:
         flow.frames[number.seq] = Custody(relayed, now, expires_at)
         return None
 
-    def _take_seq(self, number: int) -> int:
+    def _take_seq(self, number: int, flow: Flow) -> int:
+        """Return the next sequence number on a path of which no frame is in custody."""
         seq = self._next_seq[number]
-        self._next_seq[number] = (seq + 1) % NUMBERS
+        for _ in flow.frames:  # urgent frames overtake others, and may come round
+            if seq not in flow.frames:
+                break
+            seq = (seq + 1) % self._numbers
+        self._next_seq[number] = (seq + 1) % self._numbers
         return seq
 
     def _flow(self, number: Number) -> Flow:
@@ -522,6 +537,7 @@ class Relay:
     def _overdue(self, flow: Flow, now: int) -> None:
         """Transmit again what was not heard further along in time."""
         flow.vain += not flow.was_answered
+        flow.unheard += not flow.was_answered
         self._again(flow, now, urgent_only=flow.awaits_urgent())
 
     def _again(self, flow: Flow, now: int, *, urgent_only: bool = False) -> None:
@@ -568,7 +584,7 @@ class Relay:
     def _remember(self, relayed: Relayed, now: int) -> None:
         self._seen[_seen(relayed)] = now
         self._seen.move_to_end(_seen(relayed))
-        if len(self._seen) > _MOST_SEEN:
+        if len(self._seen) > self._most_seen:
             self._seen.popitem(last=False)
 
 

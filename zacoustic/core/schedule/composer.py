@@ -242,8 +242,11 @@ class Composer:
         """Make the frame of another link that may go in silence, or return None."""
         if self._relay is None:
             return None
-        taken = self._relay.take_granted(port.envelope.room_bytes, now)
-        return None if taken is None else self._forward(port, *taken)
+        granted = self._relay.take_granted(port.envelope.room_bytes, now)
+        if granted is None:
+            return None
+        destination, taken = granted
+        return self._forward(port, Offer(destination=destination), taken, now)
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now; return None when there is nothing to send."""
@@ -349,15 +352,26 @@ class Composer:
         return self._fill_fragment if offer.is_fragment else self._fill
 
     def _fill_forwarded(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
-        """Make the frame of a route: it is as its first node has made it, or sealed it."""
-        taken = None if self._relay is None else self._relay.take(port.envelope.room_bytes, now)
-        return None if taken is None else self._forward(port, offer.destination, taken)
+        """Make the frame of a route: inside it is as its first node has made it, or sealed it."""
+        room_bytes = port.envelope.room_bytes
+        if offer.sealed_bytes and self._seal.introduces_hop(offer.sealed_bytes, room_bytes, now):
+            hello = self._introductions.introduction(self._link, BROADCAST, room_bytes, now)
+            return self._controls(port, BROADCAST, [(Cause.HELLO, hello or PADDING)], now)
+        if offer.sealed_bytes:
+            room_bytes -= self._seal.hop_overhead_bytes
+        taken = None if self._relay is None else self._relay.take(room_bytes, now)
+        return None if taken is None else self._forward(port, offer, taken, now)
 
-    def _forward(self, port: LinkPort, destination: int, taken: Forwarded) -> Composed:
-        frame_bytes = port.envelope.wrap(taken.content, destination)
-        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(taken.content))
+    def _forward(self, port: LinkPort, offer: Offer, taken: Forwarded, now: int) -> Composed:
+        closed = taken.content
+        if offer.sealed_bytes:
+            room_bytes = port.envelope.room_bytes
+            closed = self._seal.close_hop(closed, room_bytes, now, is_pressing=taken.is_pressing)
+        frame_bytes = port.envelope.wrap(closed, offer.destination)
+        self._stats.attribute(NO_STREAM, Cause.SEAL, len(closed) - len(taken.content))
+        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(frame_bytes) - len(closed))
         return Composed(
-            destination=destination,
+            destination=offer.destination,
             frame_bytes=frame_bytes,
             parts=(taken.part,),
             is_urgent=taken.is_urgent,

@@ -5,6 +5,7 @@ do the journal and the node's own boot epoch. What depends on airtimes is separa
 the queue, repetitions and their pauses, number windows, runs of objects, counters.
 """
 
+import enum
 import random
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -13,6 +14,7 @@ from typing import Any
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import BOOT_KEY, LIFE_KEY, JournalPort, stored_apart
 from zacoustic.core.base.linkids import LinkIds
+from zacoustic.core.base.sizes import SIZES, Sizes
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.peers.agreementpolicy import POLICIES, SEALED
@@ -51,6 +53,7 @@ class NodeContext:
         stored: The content of the journal, from earlier boot epochs.
         rules: How to treat the other nodes.
         emit: Takes events.
+        sizes: The sizes of its number windows and tables.
         cipher: Has the keys of the fleet; None: frames are not sealed.
         sealing: The sealing settings of the config.
     """
@@ -64,6 +67,7 @@ class NodeContext:
         stored: Mapping[str, bytes],
         rules: PeerRules,
         emit: Callable[[Any], None],
+        sizes: Sizes = SIZES,
         cipher: Cipher | None = None,
         sealing: SealRules = _SEALING,
     ) -> None:
@@ -72,6 +76,8 @@ class NodeContext:
         self.stored = stored
         self.emit = emit
         """Takes an event for the application."""
+        self.sizes = sizes
+        """The sizes of number windows and tables."""
         self.generators = Generators.drawn_from(rng)
         """Random number generators, one for each component."""
         self.journal = JournalPort()
@@ -134,6 +140,14 @@ class NodeContext:
         self.seal.reintroduce(address)
 
 
+class Tunnel(enum.Enum):
+    """A link whose frames go inside those of other links."""
+
+    ROUTE = enum.auto()
+    BOND = enum.auto()
+    FLOOD = enum.auto()
+
+
 class Context:
     """The node on one link.
 
@@ -142,8 +156,8 @@ class Context:
         link: Name of the link.
         index: Index of the link at this node; the first is 0.
         port: The link's number in sealed frames, the same at both ends; None: the index.
-        other_end: For a route over relays the node at its other end; None: it is a link.
-        is_bond: It is a bond of links.
+        other_end: The only other node on the link; None: there may be more.
+        tunnel: What it is if its frames go inside those of other links; None: it is a link.
         quantum_bytes: A frame on the link is paid for as the next multiple of so many bytes.
     """
 
@@ -155,7 +169,7 @@ class Context:
         port: int | None = None,
         *,
         other_end: int | None = None,
-        is_bond: bool = False,
+        tunnel: Tunnel | None = None,
         quantum_bytes: int = 1,
     ) -> None:
         apart = index > 0
@@ -166,6 +180,8 @@ class Context:
         """Name of the link."""
         self.address = node.address
         self.table = node.table
+        self.sizes = node.sizes
+        """The sizes of number windows and tables."""
         common = {key: node.stored[key] for key in (LIFE_KEY, BOOT_KEY) if key in node.stored}
         self.stored = {**stored_apart(node.stored, link if apart else None), **common}
         """The journal's content for this link, and the number of this boot."""
@@ -177,14 +193,16 @@ class Context:
         """Holds what must survive a restart."""
         self.timers = node.timers.apart(link) if apart else node.timers
         """Call components back when an instant has come."""
-        self.is_route = other_end is not None and not is_bond
+        self.is_route = tunnel is Tunnel.ROUTE
         """Whether it is a route over relays."""
+        self.is_inside = tunnel is not None
+        """Whether its frames go inside those of other links."""
         self.other_end = other_end
         """The only other node on this link; None: there may be more."""
         self.settling_ns = 0
         """A duplicate may arrive so late, ns, if that is later than the link itself shows."""
-        is_route = other_end is not None or is_bond
-        self.stats = node.stats.on(link, is_route=is_route, quantum_bytes=quantum_bytes)
+        is_tunnel = tunnel is not None
+        self.stats = node.stats.on(link, is_tunnel=is_tunnel, quantum_bytes=quantum_bytes)
         self.peers = node.peers
         """The other nodes, and signals about them."""
         self.doubt = node.doubt
@@ -197,7 +215,7 @@ class Context:
         """The boot epoch of the node."""
         self.reception = Reception()
         """Dispatches arriving messages to the components that registered for them."""
-        self.queue = TransmitQueue()
+        self.queue = TransmitQueue(self.generators.of("spread"))
         """Records that wait for a frame."""
         self.seal: Unsealed = Unsealed()
         """Closes the link's frames."""
@@ -208,6 +226,8 @@ class Context:
                 lambda: node.handshake.digest,
             )  # fmt: skip
         self.pacers = Pacers(node.peers, partial(node.handshake.introduce, link))
+        if node.seal is not None:
+            self.pacers.may_have_restarted.connect(node.seal.pass_mark)
         """When to repeat to each of the other nodes."""
         Statements(self.handshake, self.peers, self.lives, self.reception)
         hear_medium(self.reception)
@@ -219,6 +239,16 @@ class Context:
         if self.other_end is not None:
             return [self.other_end]
         return [each for each in self.table.nodes if each != self.address]
+
+    @property
+    def is_crowd(self) -> bool:
+        """Whether at least two other nodes are known on this link, and not lost.
+
+        When they were heard does not matter: whoever talks to another node is heard by nobody else
+        where modems hand over only frames for their own node.
+        """
+        is_lost = self.node.contact.is_lost
+        return sum(not is_lost(each) for each in self.others or self.peers) > 1
 
     @property
     def is_sealed(self) -> bool:

@@ -26,6 +26,8 @@ MOST_COPIES: Final = {Priority.REAL_TIME: 4, Priority.INTERACTIVE_HIGH: 2}
 
 _ANOTHER_COPY: Final = 0.75
 """Probability of another copy after the first row."""
+_LEAST_PART: Final = 0.25
+"""An emergency beside several nodes waits for at least this part of its pause."""
 _MOST_PAUSES: Final = 4
 """The next attempt goes into one of at most this many pauses of another node."""
 
@@ -80,6 +82,24 @@ def is_doubled(priority: Priority, tries: int) -> bool:
 def row_frames(priority: Priority) -> int:
     """Return how many frames, sent at once, a repetition of a sample has."""
     return 2 if priority in MOST_COPIES else 1
+
+
+def spread(pause_ns: int, priority: Priority, times: LinkTimes, rng: random.Random) -> int:
+    """Return the pause before an emergency is repeated, ns, drawn where others may be in runs.
+
+    A node that talks has about the same period as an emergency that awaits its answer each time:
+    all repetitions would meet its runs. The last one may not have been answered yet.
+
+    Args:
+        pause_ns: The pause as it was drawn, ns.
+        priority: The record's priority.
+        times: The link's airtimes.
+        rng: Draws the part of it.
+    """
+    is_crowd = times.listening is not None and times.listening.is_crowd
+    if priority is not Priority.REAL_TIME or not is_crowd:
+        return pause_ns
+    return round(rng.uniform(_LEAST_PART, 1.0) * pause_ns)
 
 
 def aimed_pause(

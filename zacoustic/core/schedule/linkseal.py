@@ -14,6 +14,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.sealing import ANSWERED, IN_VAIN, USUAL, LongHeads, Seal
@@ -95,6 +96,8 @@ class Unsealed:
     """The most bytes that sealing takes from a frame."""
     fragment_overhead_bytes: int = 0
     """The bytes that it takes from a frame filled by a fragment."""
+    hop_overhead_bytes: int = 0
+    """The bytes that it takes from a full frame of a route, or a full flooded one, on its hop."""
 
     def check_room(self, room_bytes: int) -> None:
         """Check that a link has room for such frames; see `SealRules.check_room`."""
@@ -163,6 +166,27 @@ class Unsealed:
         """
         return content
 
+    def introduces_hop(self, content_bytes: int, room_bytes: int, now: int) -> bool:
+        """Return whether a frame with the long head goes before one of a route, or a flooded one.
+
+        Args:
+            content_bytes: Its content.
+            room_bytes: What a frame of the link has room for.
+            now: The instant.
+        """
+        return False
+
+    def close_hop(self, content: bytes, room_bytes: int, now: int, *, is_pressing: bool) -> bytes:
+        """Close a frame of a route, or a flooded one, for its next hop.
+
+        Args:
+            content: Its content.
+            room_bytes: What a frame of the link has room for.
+            now: The instant.
+            is_pressing: It is urgent, or was sent before.
+        """
+        return content
+
 
 class LinkSeal(Unsealed):
     """The frames of a sealed link.
@@ -177,6 +201,7 @@ class LinkSeal(Unsealed):
 
     overhead_bytes = LONG_HEAD_BYTES + STRONG_TAG_BYTES
     fragment_overhead_bytes = SHORT_HEAD_BYTES + TAG_BYTES
+    hop_overhead_bytes = SHORT_HEAD_BYTES + TAG_BYTES
 
     def __init__(
         self,
@@ -256,6 +281,20 @@ class LinkSeal(Unsealed):
             long=closing.long,
             long_heads=closing.long_heads,
         )
+
+    def introduces_hop(self, content_bytes: int, room_bytes: int, now: int) -> bool:
+        """Return whether a frame with the long head goes first; see `Unsealed.introduces_hop`."""
+        has_room = content_bytes + LONG_HEAD_BYTES + TAG_BYTES <= room_bytes
+        return not has_room and not self.is_known(BROADCAST, now)
+
+    def close_hop(self, content: bytes, room_bytes: int, now: int, *, is_pressing: bool) -> bytes:
+        """Seal a frame for its next hop; see `Unsealed.close_hop`.
+
+        It goes to all, and is read whatever table its sender has.
+        """
+        has_room = len(content) + LONG_HEAD_BYTES + TAG_BYTES <= room_bytes
+        is_long = is_pressing and has_room
+        return self._seal.seal(content, BROADCAST, NO_TABLE, now, port=self._port, long=is_long)
 
     # Below the methods above
 

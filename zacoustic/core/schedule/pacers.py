@@ -1,8 +1,8 @@
 """The pacers of all nodes: every mechanism that repeats something to a node asks its pacer.
 
 While an answer from a node is awaited, nothing else is repeated to it. A silent node costs one
-frame for each pause, whatever waits for it. As soon as it is heard, everything that waits for it is
-due.
+frame for each pause, whatever waits for it, and a day of silence a hundred at most
+(`zacoustic.core.base.allowance`). As soon as it is heard, everything that waits for it is due.
 """
 
 from collections import deque
@@ -41,6 +41,8 @@ class Pacers(PerPeer[Pacer]):
         """``(address, now)``: everything that waits for a node is due."""
         self.hole_begins = Signal[int]()
         """``(now)``: the ends of other nodes' bulk service can be reached for a moment."""
+        self.may_have_restarted = Signal[int]()
+        """A node gets a try that is silent for so long that it may have restarted."""
         self._introduce = introduce
         self._heard_at = PerPeer(peers, int)
         self.anybody_heard_at = -1
@@ -77,17 +79,34 @@ class Pacers(PerPeer[Pacer]):
     def heard(self, source: int, now: int) -> None:
         """Record a frame from a node; if repetitions to it had become rare, make them due."""
         self._heard_at[source] = self.anybody_heard_at = now
-        pacer = self.get(source)
-        if pacer is not None and pacer.heard():
+        pacer, frames = self.get(source), 1 if self.times is None else self.times.frames_each
+        if pacer is not None and pacer.heard(now, frames):
             self._release(source, now)
 
     def answered(self, source: int, now: int) -> None:
-        """Record that a node has confirmed something that it lacked."""
+        """Record that a node has confirmed something that it lacked; if tries were rare, go on."""
         # With two nodes, silence means loss. With more, all may transmit at once: then one answer
         # does not mean that the channel is free.
         lately = now - self._round_trips_ns(_CROWD_ROUND_TRIPS)
         others = any(at > lately for each, at in self._heard_at.items() if each != source)
-        self[source].answered(in_crowd=others)
+        if self[source].answered(in_crowd=others):
+            self._release(source, now)
+
+    def in_vain(self, address: int, at: int) -> None:
+        """Record a frame, with nothing that is repeated, that a node did not answer.
+
+        Args:
+            address: The node.
+            at: End of its transmission, ns.
+        """
+        pacer = self[address]
+        pacer.allowance.sent(at, is_first=False)
+        pacer.await_answer(at, at + pacer.allowance.pause_ns())
+        self.changed()
+
+    def quiet_until(self, address: int) -> int:
+        """Return the instant until which an answer of a node is awaited, ns."""
+        return self[address].quiet_until
 
     def await_nothing(self, address: int) -> None:
         """Stop awaiting an answer from a node."""
@@ -104,6 +123,8 @@ class Pacers(PerPeer[Pacer]):
         """Make the next frame to a silent node readable: it may have forgotten this one."""
         if anyway or self[address].may_have_restarted:
             self._introduce(address, stream_id)
+        if self[address].may_have_restarted:
+            self.may_have_restarted(address)
 
     def is_present(self, address: int, now: int) -> bool:
         """Return whether a node was heard just now."""

@@ -20,6 +20,7 @@ to empty its buffer before it sends that one. Where nodes have turns by schedule
 """
 
 import random
+from collections.abc import Callable
 from typing import Final
 
 import msgspec
@@ -40,6 +41,7 @@ from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.access import Listening, MediumAccess, Wanted, choose
 from zacoustic.core.schedule.access.base import Arrival
+from zacoustic.core.schedule.access.fairshare import FairShare, fair_share
 from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.schedule.bulkwindow import BulkWindow
 from zacoustic.core.schedule.othertrains import OtherTrains
@@ -75,6 +77,8 @@ class LinkPort:
         envelope: Wraps frames; None: what the link lacks.
         measurements: Measurements of the other nodes, read-only; None: none.
         most_outstanding: The most transmissions of the plain service under way.
+        is_crowd: Returns whether at least two other nodes are known on the link.
+        max_airtime: The airtime cap of the node; None: none is set.
 
     Raises:
         ConfigError: That medium access cannot work on this link.
@@ -90,11 +94,14 @@ class LinkPort:
         envelope: Envelope | None = None,
         measurements: Measurements | None = None,
         most_outstanding: int = MOST_OUTSTANDING,
+        is_crowd: Callable[[], bool] = lambda: False,
+        max_airtime: float | None = None,
     ) -> None:
         self.capabilities = capabilities
         self.envelope = envelope or Envelope(capabilities, address)
-        self.access: MediumAccess = choose(access, capabilities, address, rng)
-        self.listening = Listening(capabilities)
+        self.access: MediumAccess = choose(access, capabilities, address, rng, is_crowd)
+        share = fair_share(capabilities, max_airtime)
+        self.listening = Listening(capabilities, FairShare(share, capabilities, is_crowd, rng))
         """The pauses of this node and of others."""
         self.extra_bytes = 0
         """What a frame of records may have beyond `mtu_bytes`, because of the link of a bond that
@@ -176,7 +183,10 @@ class LinkPort:
         if now > self._bulk_pause_until:
             due_at = max(due_at, self._free_of_bulk_at(wanted))
         if self._listens:
-            due_at = self.listening.pauses_until(due_at, now, is_urgent=wanted.is_urgent)
+            goes_on = wanted.is_copy or wanted.is_in_train
+            due_at = self.listening.pauses_until(
+                due_at, now, is_urgent=wanted.is_urgent, goes_on=goes_on
+            )
             follows = wanted.is_urgent or wanted.is_copy
             invited_at = self.listening.invited_at(max(due_at, now), follows=follows)
             if invited_at is not None:

@@ -10,18 +10,25 @@ since then too; otherwise a topic would be the later, the more often it is publi
 A payload is *due* when it is by itself a reason to send a frame: its linger is over and its lane's
 minimum interval has passed. A payload that only lingers may join a frame that goes anyway; one
 whose minimum interval has not passed may not, unless it is a repetition: what the interval thins is
-what is new. An override of a topic (`Override`) replaces parts of
-the QoS of its lanes; a lane that is off waits, and is no reason for a frame.
+what is new.
+
+Publishers on several nodes may tick at the same instant, and half-duplex modems would then collide
+each time. So a best-effort sample of a steady period lingers for a random time, up to a quarter of
+the period and a few frames; samples of one instant linger together.
+
+An override of a topic (`Override`) replaces parts of the QoS of its lanes; a lane that is off
+waits, and is no reason for a frame.
 
 Memory is bounded by the table: lanes by keys, nodes and streams, each lane by its depth.
 """
 
 import heapq
+import random
 from collections import deque
 from collections.abc import Collection, Iterator
 from typing import Any, Final
 
-from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import NO_OVERRIDE, PATIENCE_NS, Override, Priority, Qos
@@ -40,6 +47,35 @@ SMALLER: Final = "make it smaller: it crosses whole, or not at all"
 """Hint for a record that fits no frame."""
 
 _BEFORE_ALL: Final = -(1 << 62)
+_SPREAD_PARTS: Final = 4
+"""A sample lingers for at most this fraction of its period, 1/4."""
+_LEAST_PERIOD_NS: Final = NS_PER_S
+"""In a faster stream the next sample comes sooner than it could be spread."""
+_STEADY_INTERVALS: Final = 3
+"""So many intervals in a row show a steady period."""
+_STEADY_PARTS: Final = 16
+"""A period is steady if it differs from the one before by less than this fraction, 1/16."""
+
+
+class Spread:
+    """How long samples of a steady period linger, so that the nodes of a fleet do not meet.
+
+    Args:
+        rng: Draws it.
+    """
+
+    def __init__(self, rng: random.Random) -> None:
+        self.most_ns = 0
+        """The longest, ns; 0: on this link nodes do not meet."""
+        self._rng = rng
+        self._drawn_at = -1
+        self._drawn = 0.0
+
+    def draw_ns(self, period_ns: int, now: int) -> int:
+        """Return how long a sample lingers, ns: the same part of it for all of an instant."""
+        if now != self._drawn_at:
+            self._drawn_at, self._drawn = now, self._rng.random()
+        return round(self._drawn * min(self.most_ns, period_ns // _SPREAD_PARTS))
 
 
 class Waiting:
@@ -162,6 +198,11 @@ class Lane:
 
     __slots__ = (
         "_min_interval_ns",
+        "_period_ns",
+        "_published_at",
+        "_spread",
+        "_spread_ns",
+        "_steady",
         "_unchanged",
         "destination",
         "held_until",
@@ -175,8 +216,14 @@ class Lane:
         "waits_since",
     )
 
-    def __init__(self, key: LaneKey, qos: Qos, override: Override) -> None:
+    def __init__(self, key: LaneKey, qos: Qos, override: Override, spread: Spread) -> None:
         self.key = key
+        self._spread = spread
+        self._spread_ns = 0
+        self._published_at: int | None = None
+        self._period_ns = 0
+        self._steady = 0
+        """How many intervals in a row were equal to the one before."""
         self.items: deque[Waiting] = deque()
         self.destination = BROADCAST
         """The destination of its last payload."""
@@ -216,17 +263,31 @@ class Lane:
     @property
     def due_at(self) -> int:
         """The instant at which the first payload is a reason to send, ns."""
-        return max(self.waits_since + self.linger_ns, self.next_at)
+        return max(self.waits_since + max(self.linger_ns, self._spread_ns), self.next_at)
 
     def add(self, item: Waiting) -> None:
         """Add a payload; a repetition goes before what waits for the minimum interval."""
+        spread_ns = self._drawn_ns(item)
         if not self.items:
-            self.waits_since = item.queued_at
+            self.waits_since, self._spread_ns = item.queued_at, spread_ns
         if self._min_interval_ns and item.cause is Cause.REPEAT:
             before = sum(each.cause is Cause.REPEAT for each in self.items)
             self.items.insert(before, item)
         else:
             self.items.append(item)
+
+    def _drawn_ns(self, item: Waiting) -> int:
+        """Return how long a payload lingers because others tick with it, ns."""
+        is_sample = len(self.key) > 1 and self.key[1] == SAMPLE_LANE
+        if not is_sample or item.cause is Cause.REPEAT or self.patience_ns == _BEFORE_ALL:
+            return 0
+        period_ns = item.queued_at - (self._published_at or 0)
+        differs_ns = abs(period_ns - self._period_ns)
+        is_steady = self._published_at is not None and differs_ns * _STEADY_PARTS < period_ns
+        self._steady = self._steady + 1 if is_steady else 0
+        self._published_at, self._period_ns = item.queued_at, period_ns
+        is_long = period_ns >= _LEAST_PERIOD_NS and self._steady >= _STEADY_INTERVALS
+        return self._spread.draw_ns(period_ns, item.queued_at) if is_long else 0
 
     def take(self, now: int) -> Waiting:
         """Remove the first payload for transmission."""
@@ -250,9 +311,15 @@ class Lane:
 
 
 class TransmitQueue:
-    """The lanes of one engine."""
+    """The lanes of one engine.
 
-    def __init__(self) -> None:
+    Args:
+        rng: Draws how long samples linger; None: always the same.
+    """
+
+    def __init__(self, rng: random.Random | None = None) -> None:
+        self.spread = Spread(rng or random.Random(0))
+        """How long samples linger because others tick with them."""
         self._lanes: dict[LaneKey, Lane] = {}
         self._busy: dict[LaneKey, Lane] = {}
         self.largest_bytes: int | None = None
@@ -339,7 +406,9 @@ class TransmitQueue:
         """
         lane = self._lanes.get(key)
         if lane is None:
-            lane = self._lanes[key] = Lane(key, qos, self._overrides.get(key[:2], NO_OVERRIDE))
+            lane = self._lanes[key] = Lane(
+                key, qos, self._overrides.get(key[:2], NO_OVERRIDE), self.spread
+            )
             lane.held_until = self._held.get(key[0], 0)
         self._busy[key] = lane
         lane.add(item)

@@ -51,6 +51,8 @@ class Forwarded(msgspec.Struct, frozen=True, kw_only=True):
     """Follows its transmission."""
     is_urgent: bool = False
     """Whether this node has made it, and it goes before all others."""
+    is_pressing: bool = False
+    """Whether its hop needs a long head: it is urgent, whoever has made it, or was sent before."""
 
 
 class ForwardingSource(Source, Protocol):

@@ -1,4 +1,4 @@
-"""When to repeat: from airtimes and measured round trips, never from constants.
+"""When to repeat: from airtimes and measured round trips.
 
 The first estimate comes from the link: the propagation delay to the other end and back, the ACK's
 linger there, its own frame, and one short frame of uncertainty. Then the round trip is measured as
@@ -6,24 +6,27 @@ in RFC 6298, from samples that were sent once; but the first measurement is assu
 an eighth, not by a half: sound is slow, and equally slow the next time. This does not hold for a
 device that controls access.
 
+An answer measures the transmission that it answers, or nothing (Karn's rule): of a record that was
+sent twice nobody knows which one it answers. Nor does it measure what lies beyond the bound that
+the link's own figures give: an answer from behind an outage, or one that was held back.
+
 Silence means a loss, or an answer that takes longer than estimated. Propagation delay and airtime
 are known beforehand, so it is taken for a loss, and the first five repetitions keep the same pace.
 The delay of a device that decides itself when it transmits is a guess: until a round trip is
-measured, each vain pause doubles the next ones. An answer to a record that was sent twice does not
-end that, since it may answer the first transmission (RFC 6298, Karn's rule). Late answers show the
-delay: an answer that follows a repetition sooner than any answer ever did belongs to the
-transmission before, and so does the first of two equal answers. Then that round trip is measured.
+measured, each vain pause doubles the next ones.
 
-Repetitions to a silent node become rare: it may be out of range for half an hour. The first frame
-heard from it releases one turn, and its answer restores the usual pace. The same holds for a node
-that is heard and does not answer, since the channel may be crowded. Repetitions of an emergency do
-not become rare.
+Repetitions to a silent node become rare: first by the round trip, later by the length of the
+silence (`zacoustic.core.base.allowance`). The first frame heard from it releases one turn, and
+its answer restores the usual pace. The same holds for a node that is heard and does not answer,
+since the channel may be crowded. For an emergency the longest pause is a number of seconds,
+whatever was measured, until the node was silent for ten minutes.
 """
 
 import random
 from collections.abc import Callable
 from typing import Final
 
+from zacoustic.core.base.allowance import Allowance
 from zacoustic.core.base.clock import NS_PER_S, SHORTEST_S, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.base.qos import Priority
@@ -48,11 +51,15 @@ apply only while no round trip is measured."""
 _SILENT_FACTORS: Final[tuple[float, ...]] = (1.0, 1.0, 1.0, 1.0, 1.0, 3.0, 9.0, 17.5)
 """The least such factor, by the number of repetitions in a row without any sign of the node. The
 first few may have been lost, the others go to an absent node. The last one is a minute where a
-round trip takes three seconds: a node that returns and transmits nothing waits that long."""
+round trip takes three seconds: a node that returns after ten minutes and transmits nothing waits
+that long."""
 
 _FORGETTING_FACTOR: Final = 3.0
 """A node takes longer to start than the first such pause. Before it, losses are likelier by far,
 and a node that has restarted in so short a time asks who this one is."""
+
+_INTRODUCTION_BYTES: Final = 20
+"""Room for that, and for an envelope, in a frame to such a node."""
 
 _PATIENCE: Final = 2
 """This many times the usual number of unheard repetitions are no sign of absence: they come on top
@@ -77,8 +84,13 @@ _LEAST_FACTOR: Final = 4.0
 """An answer is awaited for at least this many round trips, in whatever haste: answers may take
 longer than before, and a node that transmits all the time hears none."""
 _URGENT_FACTOR: Final = 2.0
-_URGENT_S: Final = 8.0
-"""The longest pause of an emergency, s, unless its factor is longer: the node may be back."""
+_URGENT_S: Final = 9.5
+"""The longest pause of an emergency, s, unless two round trips to the farthest node are longer."""
+_URGENT_DELEGATED_S: Final = 20.0
+"""The same where a device decides when it transmits, or relays repeat what is lost: more copies
+would fill what is between."""
+_FRAMES_THROUGH: Final = 2
+"""A frame that goes inside those of other links, and that nobody takes, is repeated on its way."""
 _LONGEST_DRAW: Final = 1.25
 """The longest drawn pause, in parts of the mean one."""
 _LONGEST_QUIET: Final = 2
@@ -98,9 +110,17 @@ class LinkTimes:
     Args:
         capabilities: The link's.
         listening: When other nodes pause; None: they need not.
+        crosses_within_ns: Where frames go inside those of other links: the time after which one has
+            arrived or never will, ns; None: this is a link of its own.
     """
 
-    def __init__(self, capabilities: LinkCapabilities, listening: Listening | None = None) -> None:
+    def __init__(
+        self,
+        capabilities: LinkCapabilities,
+        listening: Listening | None = None,
+        *,
+        crosses_within_ns: int | None = None,
+    ) -> None:
         self.listening = listening
         """When other nodes pause; read-only."""
         self.airtime_ns: Callable[[int], int] = capabilities.airtime_ns
@@ -142,6 +162,18 @@ class LinkTimes:
             2 * self.way_ns + self.ack_linger_ns + self.next_frame_ns + self.ack_slot_ns + short_ns
         )
         """The estimate before any measurement, ns, from the end of the sample's frame."""
+        rarest = _FACTORS[-1] if self.is_delegated else _SILENT_FACTORS[-1]
+        self.longest_round_trip_ns = round(rarest * self.first_round_trip_ns)
+        """The bound of every estimate of a round trip, ns: nothing longer is one."""
+        urgent_ns = seconds_to_ns(_URGENT_DELEGATED_S if self.is_delegated else _URGENT_S)
+        own_ns = round(_URGENT_FACTOR * _LONGEST_DRAW * self.first_round_trip_ns)
+        self.urgent_ns = max(urgent_ns, own_ns)
+        """The longest pause between two tries of an emergency, ns."""
+        self.frames_each = 1
+        """How many frames of the channel one is for which nobody is there."""
+        if crosses_within_ns is not None and self.is_delegated:
+            self.longest_round_trip_ns = 2 * crosses_within_ns + self.ack_patience_ns
+            self.urgent_ns, self.frames_each = urgent_ns, _FRAMES_THROUGH
 
     def copy_ns(self, size_bytes: int) -> int:
         """Return the duration of one more copy of a record and its gap, ns, at least 1."""
@@ -185,6 +217,8 @@ class Pacer:
         """Instant until which an answer is awaited and nothing is repeated to it, ns."""
         self.quiet_since = 0
         """Instant since which an answer is awaited, ns."""
+        self.allowance = Allowance()
+        """How many frames may still go in vain, and the pause before the next one."""
         self._counts_at = 0
         self._smooth_ns: int | None = None
         self._deviation_ns = 0
@@ -201,7 +235,7 @@ class Pacer:
     @property
     def is_silent(self) -> bool:
         """Whether it was unheard for so long that it may be absent."""
-        return self._silent_factor > 1
+        return self._silent_factor > 1 or self.allowance.is_rare
 
     @property
     def may_have_restarted(self) -> bool:
@@ -210,8 +244,12 @@ class Pacer:
 
     @property
     def _silent_factor(self) -> float:
-        place = self._unheard - round(_PATIENCE * self._usually_unheard)
+        place = self._unheard - self._patience
         return _SILENT_FACTORS[max(0, min(place, len(_SILENT_FACTORS) - 1))]
+
+    @property
+    def _patience(self) -> int:
+        return round(_PATIENCE * self._usually_unheard)
 
     @property
     def smooth_ns(self) -> int:
@@ -229,19 +267,23 @@ class Pacer:
 
         A far shorter one than the link allows answers something else, such as a request from before
         this node's restart. It would let the node repeat without a pause. A far longer one was held
-        back there, by silence or the reply budget. It would let this node wait for hours. But where
-        another program decides when frames go, nothing is known to be too long.
+        back there, by silence or the reply budget, or belongs to another transmission. It would let
+        this node wait for hours.
         """
         if round_trip_ns < times.first_round_trip_ns // _IMPLAUSIBLE_PARTS:
             return
-        if not times.is_delegated:
-            round_trip_ns = min(round_trip_ns, round(self._rarest * times.first_round_trip_ns))
+        if round_trip_ns > times.longest_round_trip_ns:
+            if times.is_delegated:
+                return
+            round_trip_ns = times.longest_round_trip_ns
         self._usually_unheard -= self._usually_unheard / _USUAL_PARTS
         if self._smooth_ns is None or self.shortest_ns is None:
             parts = _FIRST_DEVIATION_DELEGATED if times.is_delegated else _FIRST_DEVIATION
             self._smooth_ns, self._deviation_ns = round_trip_ns, round_trip_ns // parts
             self.shortest_ns = round_trip_ns
-            self._doubts_guess = False
+            if self._doubts_guess:  # what is awaited now is paced by that guess
+                self._doubts_guess = False
+                self.release()
             return
         longer_ns = round_trip_ns - self.shortest_ns
         self.shortest_ns += longer_ns if longer_ns < 0 else longer_ns // 8
@@ -261,28 +303,39 @@ class Pacer:
             if self._silent_factor < _SILENT_FACTORS[-1]:
                 self._unheard += 1
 
-    def heard(self) -> bool:
-        """Record a frame from the node; return whether the node had been silent."""
-        was_silent = self.is_silent
-        if was_silent:
+    def heard(self, now: int, frames: int = 1) -> bool:
+        """Record a frame from the node; return whether it was silent and a turn may follow.
+
+        Args:
+            now: The instant.
+            frames: `LinkTimes.frames_each`.
+        """
+        was_silent, was_absent = self.is_silent, self._silent_factor > 1
+        is_back = self.allowance.heard(now, self._patience)
+        if was_absent:
             self._unheard -= _HEARD_PLACES
             self._unanswered //= 2
         else:
             self._unheard = 0
-        return was_silent
+        return is_back or (was_silent and self.allowance.may_try(now, frames))
 
     def begin(self, now: int) -> None:
         """Record that something new waits; if nothing else does, repeat at the usual pace.
 
         Repetitions may have become rare long ago, and the node may be back since.
         """
+        self.allowance.grant()
         if self.quiet_until < now:
             self._unheard = 0
             if not self._doubts_guess:
                 self._unanswered = 0
 
-    def answered(self, *, in_crowd: bool = True) -> None:
-        """Record that the node has confirmed something; `in_crowd`: others may be transmitting."""
+    def answered(self, *, in_crowd: bool = True) -> bool:
+        """Record that the node has confirmed something; return whether tries had become rare.
+
+        Args:
+            in_crowd: Others may be transmitting.
+        """
         if self._silent_factor < _SILENT_FACTORS[-1]:  # otherwise it was absent
             unheard = min(float(self._unheard), _MOST_USUAL)
             self._usually_unheard += max(0.0, unheard - self._usually_unheard) / 2
@@ -290,6 +343,11 @@ class Pacer:
         # RFC 6298: what was repeated measures nothing; the longer pause stays until something does.
         if not self._doubts_guess:
             self._unanswered = self._unanswered // 2 if in_crowd else 0
+        return self.allowance.answered()
+
+    def is_urgent(self, priority: Priority) -> bool:
+        """Return whether repetitions of a priority do not become rare now."""
+        return priority is Priority.REAL_TIME and self.allowance.is_hasty
 
     def is_doubtful(self, times: LinkTimes) -> bool:
         """Return whether repetitions stay unanswered, so that more than one would be wasted.
@@ -323,7 +381,7 @@ class Pacer:
             frames: How many frames are sent in a row.
             spread_ns: Time in which the receivers acknowledge at random, ns.
             at_most_ns: Upper bound, ns, > 0, however rare repetitions have become, unless
-                `least_pause_ns` is longer; None: no bound.
+                `least_pause_ns` is longer; None: no bound, and so after a long silence.
         """
         round_trip_ns = self.round_trip_ns(times, rank)
         factor = self._factor(times, priority)
@@ -331,8 +389,15 @@ class Pacer:
         rarest_ns = round(self._rarest * times.first_round_trip_ns)
         pause_ns = round(round_trip_ns * min(factor, _LEAST_FACTOR))
         pause_ns = max(pause_ns, min(round(round_trip_ns * factor), rarest_ns))
+        if self.is_urgent(priority):
+            longest_ns = times.urgent_ns - self._least_range_ns(times, frames)
+            if pause_ns > longest_ns:  # as rare as is allowed: only drawn not to go in step
+                return spread_ns + rng.randint(longest_ns, times.urgent_ns)
+            round_trip_ns = min(round_trip_ns, pause_ns)
+        elif at_most_ns is None or not self.allowance.keeps_deadlines:
+            pause_ns, at_most_ns = max(pause_ns, self.allowance.pause_ns(times.frames_each)), None
         range_ns = least_range_ns = self._least_range_ns(times, frames)
-        if factor > 1:
+        if pause_ns > round_trip_ns or factor > 1:
             range_ns = max(range_ns, round(2 * (_LONGEST_DRAW - 1) * pause_ns))
         earliest_ns = max(round_trip_ns, pause_ns - range_ns // 2)
         drawn_ns = spread_ns + earliest_ns + rng.randrange(range_ns + 1)
@@ -351,7 +416,8 @@ class Pacer:
             priority: The priority of what is repeated.
         """
         factor = min(self._factor(times, priority), _LEAST_FACTOR)
-        return round(self.round_trip_ns(times, rank) * factor)
+        least_ns = round(self.round_trip_ns(times, rank) * factor)
+        return min(least_ns, times.urgent_ns) if self.is_urgent(priority) else least_ns
 
     def await_answer(self, since: int, until: int, *, is_repeated: bool = True) -> None:
         """Await an answer from one instant to another, ns.
@@ -400,7 +466,9 @@ class Pacer:
         """
         if now != self._turn_at:
             self._turn_at = now
-            self._room_bytes = times.mtu_bytes if self.is_doubtful(times) else times.batch_bytes
+            self._room_bytes = times.batch_bytes
+            if self.is_doubtful(times):
+                self._room_bytes = times.mtu_bytes - _INTRODUCTION_BYTES * self.may_have_restarted
         elif size_bytes > self._room_bytes:
             return False
         self._room_bytes -= size_bytes
@@ -410,9 +478,10 @@ class Pacer:
         """Return the instant from which something may be repeated to it, ns.
 
         Other mechanisms may have agreed a long pause for the node; that applies neither to an
-        emergency nor to what has a deadline (`in_haste`).
+        emergency nor to what has a deadline (`in_haste`), unless the node was silent for long.
         """
-        if priority is not Priority.REAL_TIME and not in_haste:
+        may_hurry = in_haste and self.allowance.keeps_deadlines
+        if not (may_hurry or self.is_urgent(priority)):
             return self.quiet_until
         least_ns = self.least_pause_ns(times, 0, priority)
         return min(self.quiet_until, self.quiet_since + least_ns)
@@ -429,7 +498,7 @@ class Pacer:
     def _factor(self, times: LinkTimes, priority: Priority) -> float:
         silent_factor = self._silent_factor
         factor = min(max(_FACTORS[self._unanswered], silent_factor), self._rarest)
-        if priority is not Priority.REAL_TIME:
+        if not self.is_urgent(priority):
             return factor
         if self._doubts_guess:
             return min(factor, max(silent_factor, _LEAST_FACTOR))
@@ -437,7 +506,7 @@ class Pacer:
         return min(factor, max(_URGENT_FACTOR, urgent_ns / self.round_trip_ns(times)))
 
     def round_trip_ns(self, times: LinkTimes, rank: int = 0) -> int:
-        """Return the time in which an answer comes, as far as known, ns.
+        """Return the time in which an answer comes, as far as known, ns; within the link's bound.
 
         Args:
             times: The link's.
@@ -445,4 +514,5 @@ class Pacer:
         """
         if self._smooth_ns is None:
             return times.first_round_trip_ns + rank * times.ack_slot_ns
-        return self._smooth_ns + max(4 * self._deviation_ns, times.doubt_ns)
+        estimate_ns = self._smooth_ns + max(4 * self._deviation_ns, times.doubt_ns)
+        return min(estimate_ns, times.longest_round_trip_ns)

@@ -13,8 +13,6 @@ from zacoustic.core.wire.exchanges import (
     encode_text,
 )
 
-CALL_NUMBERS: Final = 64
-"""The number of distinguishable calls of one client to one service."""
 NAME_BYTES: Final = 1
 """Additional bytes of a named answer."""
 

@@ -13,7 +13,7 @@ action                  operation and goal, payload (`zacoustic.core.wire.goals`
 from typing import Final
 
 from zacoustic.core.base.qos import Reliability, Stamp
-from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import EVERY_NODE, Stream
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.wire.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte
@@ -37,6 +37,8 @@ def measure_content(
         prefixes: The prefixes before the stream id.
         source: Address of the frame's sender: a server's records are answers.
     """
+    if not isinstance(stream.spec, TopicSpec) and prefixes != Prefixes():
+        return None  # reserved
     if isinstance(stream.spec, ServiceSpec):
         server, offset = server_of(stream.spec, buffer, offset)
         return _measure_call(stream, buffer, offset, answers=source == server)
@@ -94,7 +96,9 @@ def _measure_call(stream: Stream, buffer: bytes, offset: int, *, answers: bool) 
         if offset >= len(buffer):
             return None
         kind, offset = CallKind(buffer[offset] >> 6), offset + NAME_BYTES
-    if kind is CallKind.ERROR:
+        if kind is NAMED:
+            return None
+    if kind is CallKind.ERROR or (kind is CallKind.RESPONSE and not answers):
         return None
     if kind is CallKind.CONFIRM:
         return offset

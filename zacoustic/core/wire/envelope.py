@@ -13,7 +13,8 @@ is intact, and where it ends. The envelope knows from `LinkCapabilities` which a
 
 COBS is twenty lines; packages for it need a compiler or add nothing, and the core must import with
 two dependencies only. A frame that cannot be opened is reported with a reason; no error is raised.
-The buffer of a byte stream never grows beyond one frame.
+The buffer of a byte stream holds the longest frame of any link, for the other end's may be longer
+than this one's, and never more.
 
 Source:
     S. Cheshire and M. Baker, Consistent Overhead Byte Stuffing, IEEE/ACM Transactions on Networking
@@ -30,6 +31,8 @@ from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedF
 _ADDRESS_BYTES: Final = 2
 _CHECK_BYTES: Final = 4
 _DELIMITER: Final = b"\x00"
+_LONGEST_BYTES: Final = 4096
+"""The longest frame in a byte stream, bytes, if frames of this node are not longer."""
 
 
 class Opened(msgspec.Struct, frozen=True, kw_only=True):
@@ -76,10 +79,10 @@ class Envelope:
         self._checked = capabilities.checked or sealed
         self._has_check = not capabilities.checked
         self._framed = capabilities.framed
-        self._mtu_bytes = capabilities.mtu_bytes
+        self._longest_bytes = capabilities.receives_bytes or capabilities.mtu_bytes
         self._buffer = bytearray()
         self._overlong = False
-        room_bytes = self._mtu_bytes
+        room_bytes = capabilities.mtu_bytes
         if not self._framed:
             # COBS turns n bytes, addresses and check included, into at most n + 1 + n // 254.
             room_bytes -= 2 * len(_DELIMITER) + 1
@@ -156,7 +159,7 @@ class Envelope:
         return results
 
     def _take(self, piece: bytes) -> None:
-        room = self._mtu_bytes - len(self._buffer)
+        room = max(self._longest_bytes, _LONGEST_BYTES) - len(self._buffer)
         self._buffer += piece[:room]
         self._overlong = self._overlong or len(piece) > room
 

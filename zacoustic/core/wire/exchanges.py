@@ -35,7 +35,9 @@ def encode_text(text: str, longest_bytes: int) -> bytes:
 
 
 def decode_text(text: bytes) -> str:
-    """Return the text of a failure; empty if it is no UTF-8."""
+    """Return the text of a failure; empty if it is too long, or no UTF-8."""
+    if len(text) > LONGEST_ERROR_TEXT_BYTES:
+        return ""
     try:
         return text.decode()
     except UnicodeDecodeError:

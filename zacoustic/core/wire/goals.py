@@ -40,8 +40,6 @@ from zacoustic.core.wire.exchanges import (
     encode_text,
 )
 
-GOAL_NUMBERS: Final = 32
-"""The number of distinguishable goals of one boot epoch of a client on one stream."""
 FORMER_BYTES: Final = 3
 """Bytes that FORMER adds."""
 UNKNOWN_RESULT: Final = b"\x80"
@@ -49,6 +47,7 @@ UNKNOWN_RESULT: Final = b"\x80"
 REMINDER: Final = b"\x81"
 """Payload of the RESULT that asks whether a RESULT has arrived."""
 _NO_RESULT: Final = 0x80
+_NUMBER: Final = 0x1F
 _ATTEMPTS: Final = 256
 _AGAIN_REFUSED: Final = 10
 """Wire code of a failure beside those of `GoalFailure`: of CANCEL_AGAIN; its attempt follows."""
@@ -121,6 +120,10 @@ class Operation(enum.IntEnum):
     """From the server: it has succeeded and has a result."""
 
 
+_BARE: Final = (Operation.ACCEPTED, Operation.CONFIRM, Operation.CANCEL)
+"""The operations without a payload, in either direction."""
+
+
 class Message(msgspec.Struct, frozen=True):
     """A decoded record of an action."""
 
@@ -148,18 +151,14 @@ def decode_message(content: bytes, *, from_client: bool) -> Message | None:
         content: The bytes after the stream id.
         from_client: Whether a client of the action has sent it.
     """
-    if not content:
+    found = _operation_at(content, 0)
+    if found is None:
         return None
-    operation, number, epoch = Operation(content[0] >> 5), content[0] & 0x1F, None
-    payload = content[1:]
-    if operation is Operation.FORMER:
-        if len(content) <= FORMER_BYTES or content[FORMER_BYTES] & 0x1F:
-            return None
-        operation = Operation(content[FORMER_BYTES] >> 5)
-        if operation is Operation.FORMER:
-            return None
-        epoch = int.from_bytes(content[1:FORMER_BYTES], "big")
-        payload = content[FORMER_BYTES + 1 :]
+    operation, start = found
+    number, payload = content[0] & _NUMBER, content[start:]
+    epoch = None if start == 1 else int.from_bytes(content[1:FORMER_BYTES], "big")
+    if _has_left_over(operation, payload, from_client=from_client):
+        return None
     if operation is Operation.SUCCEEDED and not from_client:
         operation, payload = Operation.RESULT, encode_result(GoalStatus.SUCCEEDED, payload)
     return Message(operation, number, epoch, payload)
@@ -174,19 +173,16 @@ def measure_message(stream: Stream, buffer: bytes, offset: int, *, from_client: 
         offset: Start of the content, after the stream id.
         from_client: Whether a client of the action has sent it.
     """
-    if offset >= len(buffer):
+    found = _operation_at(buffer, offset)
+    if found is None:
         return None
-    operation = Operation(buffer[offset] >> 5)
-    if operation is Operation.FORMER:
-        offset += FORMER_BYTES
-        if offset >= len(buffer):
-            return None
-        operation = Operation(buffer[offset] >> 5)
-    offset += 1
+    operation, offset = found
     codec: PayloadCodec
     match operation:
         case Operation.ACCEPTED | Operation.CONFIRM | Operation.CANCEL:
             return offset
+        case Operation.REFUSED | Operation.RESULT if from_client:
+            return None
         case Operation.CANCEL_AGAIN if from_client:
             return offset + 1
         case Operation.GOAL:
@@ -200,6 +196,28 @@ def measure_message(stream: Stream, buffer: bytes, offset: int, *, from_client: 
         case Operation.REFUSED | Operation.FORMER:
             return None
     return codec.measure(buffer, offset) if codec.delimits_itself else None
+
+
+def _has_left_over(operation: Operation, payload: bytes, *, from_client: bool) -> bool:
+    """Return whether a payload goes on behind the end that it shows."""
+    if operation in _BARE:
+        return bool(payload)
+    is_result = operation is Operation.RESULT and not from_client
+    return is_result and len(payload) > 1 and payload[0] >= _NO_RESULT
+
+
+def _operation_at(buffer: bytes, offset: int) -> tuple[Operation, int] | None:
+    """Return the operation of a record, and the offset of its payload; None: it is invalid."""
+    if offset >= len(buffer):
+        return None
+    operation = Operation(buffer[offset] >> 5)
+    if operation is not Operation.FORMER:
+        return operation, offset + 1
+    offset += FORMER_BYTES
+    if offset >= len(buffer) or buffer[offset] & _NUMBER:
+        return None
+    operation = Operation(buffer[offset] >> 5)
+    return None if operation is Operation.FORMER else (operation, offset + 1)
 
 
 def encode_cancel(attempt: int) -> tuple[Operation, bytes]:

@@ -4,15 +4,12 @@ from typing import Final
 
 import msgspec
 
-NUMBERS: Final = 1 << 7
+from zacoustic.core.base.sizes import SIZES
+
+NUMBERS: Final = SIZES.samples.count
 """How many numbers one byte of a record distinguishes."""
-WINDOW: Final = 32
-"""A sample without SYNC is less than this many numbers ahead of the one that its receiver awaits,
-and at most this many are under way. The other 96 numbers are old: a late repetition is never taken
-for a new sample."""
-PACE: Final = 64
-"""The most numbers that come into use within one settling time, so that a late repetition is always
-among the old ones."""
+WINDOW: Final = SIZES.samples.window
+"""The most numbers that an ACK covers (`zacoustic.core.base.sizes.SampleNumbering`)."""
 NUMBER_BYTES: Final = 1
 IN_RHYTHM: Final = 0x80
 """Bit of the number byte of a sample in rhythm (`zacoustic.core.transport.reliable.rhythm`)."""
@@ -22,6 +19,8 @@ _BITS: Final = 7
 _MORE: Final = 0x80
 
 
+_UNKNOWN: Final = b"\x80\x00"
+"""Content of the ACK of a receiver that does not know the lineage."""
 LONGEST_ACK_BYTES: Final = 1 - (1 - WINDOW) // _BITS
 """The longest content of an ACK, for a whole window, bytes."""
 
@@ -43,10 +42,11 @@ class Ack(msgspec.Struct, frozen=True):
             most_bytes: Room, at least 1: the last held numbers are left out.
         """
         held = self.held & (1 << _BITS * (most_bytes - 1)) - 1
-        if self.knows and not held:
+        if not self.knows:
+            return _UNKNOWN
+        if not held:
             return bytes((self.expected % NUMBERS,))
         content = bytearray((_MORE | self.expected % NUMBERS,))
-        held = held if self.knows else 0
         while held >= 1 << _BITS:
             content.append(_MORE | held & (_MORE - 1))
             held >>= _BITS
@@ -55,15 +55,9 @@ class Ack(msgspec.Struct, frozen=True):
 
 
 def measure_ack(buffer: bytes, offset: int) -> int | None:
-    """Find the end of an ACK's content; None if there is none."""
-    end = offset + 1
-    if end > len(buffer):
-        return None
-    if buffer[offset] & _MORE:
-        while end < len(buffer) and end - offset < LONGEST_ACK_BYTES and buffer[end] & _MORE:
-            end += 1
-        end += 1
-    return end if end <= len(buffer) else None
+    """Find the end of an ACK's content; None if it shows none."""
+    longest = buffer[offset : offset + LONGEST_ACK_BYTES]
+    return next((offset + size for size, byte in enumerate(longest, 1) if byte < _MORE), None)
 
 
 def decode_ack(content: bytes) -> Ack | None:
@@ -76,20 +70,11 @@ def decode_ack(content: bytes) -> Ack | None:
     held = 0
     for index, byte in enumerate(content[1:]):
         held |= (byte & (_MORE - 1)) << _BITS * index
-    if held >> (WINDOW - 1):
+    if content == _UNKNOWN:
+        return Ack(0, knows=False)
+    if not content[-1] or held >> (WINDOW - 1):
         return None
-    return Ack(expected, held, knows=held != 0)
-
-
-def resolve(low: int, expected: int) -> int:
-    """Return the number with these seven bits that is nearest to the expected one."""
-    ahead = (low - expected) % NUMBERS
-    return expected + (ahead if ahead < WINDOW else ahead - NUMBERS)
-
-
-def resolve_expected(low: int, known: int) -> int:
-    """Return the number that an ACK expects; up to a whole window may be unreported."""
-    return resolve(low - 1, known) + 1
+    return Ack(expected, held)
 
 
 def resolve_floor(floor: int, expected: int) -> int:

@@ -29,6 +29,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.sizes import SIZES
 from zacoustic.core.wire.controls import Form
 
 FRAGMENT_CODE: Final = 0xBA
@@ -38,7 +39,7 @@ FEEDBACK_BYTES: Final = 8
 """Longest feedback, bytes."""
 MOST_BLOCKS: Final = 4
 """The most blocks in one feedback."""
-MOST_TRANSFERS: Final = 64
+MOST_TRANSFERS: Final = SIZES.transfers
 """How many transfer numbers a source has."""
 NO_FRAGMENT: Final = 0xFFFF
 """Index of a record about an object that is no fragment."""

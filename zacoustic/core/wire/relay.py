@@ -17,6 +17,7 @@ from typing import Final, TypeAlias
 
 import msgspec
 
+from zacoustic.core.base.sizes import SIZES
 from zacoustic.core.wire.seal import LAST_PORT
 
 RELAY_CODE: Final = 0xBF
@@ -27,7 +28,7 @@ FIRST_PORT: Final = LAST_PORT + 1 - LAST_ROUTE
 """In sealed frames a route has the number of a link: this one for the first route."""
 HEADER_BYTES: Final = 3
 """Bytes before the frame of the route."""
-NUMBERS: Final = 256
+NUMBERS: Final = SIZES.hops
 """The number of a frame is modulo this."""
 MOST_PROBES: Final = 32
 """The most probes of a run; their numbers are below."""

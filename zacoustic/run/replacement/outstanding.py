@@ -29,7 +29,10 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.engine.tap import EngineCall, Tap, call_engine
 from zacoustic.core.peers.ranging import RangeFailed, RangeFailure, RangeMeasured
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID
+from zacoustic.core.streams.keydelivery import KEYS_STREAM_ID
+from zacoustic.core.streams.routing import ROUTING_STREAM_ID
 from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.transport.actions.events import (
     CancelAnswered,
     FeedbackReceived,
@@ -41,8 +44,15 @@ from zacoustic.core.transport.actions.events import (
 
 MOST_ENDED: Final = 1024
 """Reported outcomes of samples and of goals to remember, since the journal may still have them."""
+_ASKED: Final = {
+    "commands.send": COMMANDS_STREAM_ID,
+    "status.ask": STATUS_STREAM_ID,
+    "keys.send": KEYS_STREAM_ID,
+    "routing.send": ROUTING_STREAM_ID,
+}
+"""The services that every node serves, by the command that calls them."""
 _CALLS: Final = (
-    "publish", "call", "cancel", "commands.send", "actions.send_goal",
+    "publish", "call", "cancel", *_ASKED, "actions.send_goal",
     "ranging.request", "ranging.cancel", "ranging.repeat", "subscriptions.want",
 )  # fmt: skip
 _TEXT: Final = "an internal error has ended the engine of this node"
@@ -167,8 +177,8 @@ class Outstanding:
                 self._ended_samples.pop(result, None)
             case "call":
                 self._calls[result] = arguments["stream_id"]
-            case "commands.send":
-                self._calls[result] = COMMANDS_STREAM_ID
+            case name if name in _ASKED:
+                self._calls[result] = _ASKED[name]
             case "cancel":
                 self._calls.pop(arguments["call_id"], None)
             case "actions.send_goal":

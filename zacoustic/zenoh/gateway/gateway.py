@@ -272,7 +272,9 @@ class Gateway:
             raise ConfigError(
                 f"metrics: needs {error.name}, which is not installed", hint=with_extra("metrics")
             ) from error
-        self._metrics = MetricsServer(*self._metrics_place, session.documents)
+        self._metrics = MetricsServer(
+            *self._metrics_place, session.documents, self.config.metrics_names
+        )
         await self._metrics.open()
 
     def _recorder(self) -> OpenRecording | None:

@@ -79,6 +79,10 @@ class InitCommand(Command):
                 f"--{side}address", type=int, default=address, metavar="N",
                 help=f"acoustic address of {whose} side (default: %(default)d)",
             )  # fmt: skip
+        parser.add_argument(
+            "--node", action="append", default=[], metavar="N:NAME", type=_node,
+            help="a further node of the fleet, its address and name; may be given again",
+        )  # fmt: skip
         add_profile(parser, " for which the intervals are")
         parser.add_argument(
             "--interactive", action="store_true", help="ask about each topic before writing"
@@ -97,7 +101,7 @@ class InitCommand(Command):
         """
         from zacoustic.app.tools.design.first.asking import ask_about
         from zacoustic.app.tools.design.first.traffic import write_traffic
-        from zacoustic.app.tools.design.first.writing import write_files
+        from zacoustic.app.tools.design.first.writing import Side, write_files
         from zacoustic.channel.profiles import DEFAULT_PROFILE
 
         _check(arguments)
@@ -109,6 +113,7 @@ class InitCommand(Command):
             survey, peer = _listen(arguments)
             here = _side(arguments, "", arguments.output, "here")
             there = _side(arguments, "peer_", arguments.peer, "there")
+            others = [Side(address=number, name=name) for number, name in arguments.node]
             profile = arguments.profile or DEFAULT_PROFILE
             files = write_files(
                 survey,
@@ -116,6 +121,7 @@ class InitCommand(Command):
                 there=there,
                 peer=peer,
                 peer_listen=arguments.peer_listen,
+                others=others,
                 profile=profile,
                 choose=ask_about if arguments.interactive else lambda drafts: drafts,
             )
@@ -126,7 +132,12 @@ class InitCommand(Command):
             if traffic_file is not None:
                 config = os.path.relpath(arguments.output, arguments.traffic.parent)
                 text = write_traffic(
-                    files, here=here, there=there, config=Path(config).as_posix(), profile=profile
+                    files,
+                    here=here,
+                    there=there,
+                    others=others,
+                    config=Path(config).as_posix(),
+                    profile=profile,
                 )
                 traffic_file.write(text.encode())
         if arguments.json:
@@ -153,6 +164,13 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ConfigError("--traffic; allowed: with --output, the file that it names")
     if arguments.interactive and not sys.stdin.isatty():
         raise ConfigError("--interactive; allowed: on a terminal")
+
+
+def _node(written: str) -> tuple[int, str]:
+    address, colon, name = written.partition(":")
+    if not (colon and name and address.isascii() and address.isdigit()):
+        raise argparse.ArgumentTypeError(f'"{written}"; allowed: N:NAME, such as 3:auv3')
+    return int(address), name
 
 
 def _listen(arguments: argparse.Namespace) -> "tuple[Survey, Survey | None]":

@@ -221,6 +221,7 @@ def _check_system(arguments: argparse.Namespace, *names: str) -> None:
 async def _run_on_vehicle(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
     from zacoustic.mavlink.autopilot import AutopilotSide
     from zacoustic.mavlink.vehicle import VehicleBridge, vehicle_address
+    from zacoustic.mavlink.vehicletime import PERIOD_MS
 
     config, names = _read(arguments)
     engine = AutopilotSide(
@@ -228,6 +229,7 @@ async def _run_on_vehicle(arguments: argparse.Namespace, stop: asyncio.Event) ->
         lost_after_s=arguments.lost_after,
         system=arguments.system,
         ground_system=arguments.ground_system,
+        clock_ms=secrets.randbelow(PERIOD_MS),
         now=time.monotonic_ns(),
     )
     settings = _settings(arguments, config, vehicle_address(names))
@@ -241,7 +243,6 @@ async def _run_on_shore(arguments: argparse.Namespace, stop: asyncio.Event) -> N
     config, names = _read(arguments)
     engine = StationSide(
         names.prefix.partition("/")[0],
-        run=secrets.randbelow(2**16),
         ground_every_s=arguments.every,
         lost_after_s=arguments.lost_after,
         is_present=arguments.present,

@@ -1,7 +1,8 @@
 """A web page, served until it is interrupted. Needs nicegui, the extra `console`.
 
-NiceGUI and uvicorn serve it. This module changes three things, since a console and a screen on the
-bridge run for days, and people read their standard error:
+NiceGUI and uvicorn serve it, with the limits and the gatekeeper of `zacoustic.run.web`. This module
+changes three things, since a console and a screen on the bridge run for days, and people read their
+standard error:
 
 - A browser that leaves before its answer has begun causes no error. Starlette raises one if a
   middleware waits for the answer, and so does Engine.IO, both with a traceback.
@@ -11,6 +12,7 @@ bridge run for days, and people read their standard error:
   signal again at the end, and not wait after a second one.
 """
 
+import asyncio
 import math
 import signal
 import time
@@ -18,15 +20,19 @@ from collections.abc import Awaitable, Callable, Collection
 from types import FrameType
 from typing import Any, Final
 
-from nicegui import app, ui
+from nicegui import app, background_tasks, ui
 from nicegui.events import GenericEventArguments
+from nicegui.server import Server
 
 from zacoustic.app.tools.pages.truth import SCRIPT, STYLE, Alarm, beat_html
-from zacoustic.app.tools.pages.visitors import Gatekeeper, Visitors, own_names
+from zacoustic.app.tools.pages.visitors import Visitors
+from zacoustic.run.web.connections import lengthen_queue, uvicorn_options
+from zacoustic.run.web.gatekeeper import Gatekeeper, own_names
 
 CURRENT_S: Final = 4.0
 """Clicks older than this are ignored, s."""
 _BEATS_KEPT: Final = 64
+_TRIES: Final = 1200
 # NiceGUI gives its pages no language, and its loading bar no name: screen readers want both.
 _FOR_READERS: Final = """
 document.documentElement.lang = "en";
@@ -59,7 +65,7 @@ def serve_page(
         port: Port to listen at.
         start: Awaited on the loop before the first visitor is served.
         stop: Awaited on the loop after the last one.
-        names: Names under which browsers find it, besides this computer's own (`visitors`).
+        names: Names under which browsers find it, besides this computer's own (`gatekeeper`).
         look: Further arguments of `ui.run`.
     """
 
@@ -69,6 +75,7 @@ def serve_page(
         stack = app.middleware_stack
         assert stack is not None
         app.middleware_stack = Gatekeeper(Visitors(stack), own_names(host, *names))
+        background_tasks.create(_lengthen_queues())
         await start()
 
     app.on_startup(begin)
@@ -81,6 +88,7 @@ def serve_page(
         show=False,
         show_welcome_message=False,
         uvicorn_logging_level="error",
+        **uvicorn_options(),
         **look,
     )
     for number in _SIGNALS:  # nothing remains to be interrupted
@@ -131,6 +139,17 @@ class Banner:
     def _hear(self, event: GenericEventArguments) -> None:
         if isinstance(event.args, int):
             self._echoed = event.args
+
+
+async def _lengthen_queues() -> None:
+    """Lengthen the queues of uvicorn, which opens them after the application has begun."""
+    running = Server.instance
+    for _ in range(_TRIES):
+        if running.started:
+            for server in running.servers:
+                lengthen_queue(server)
+            return
+        await asyncio.sleep(0.05)
 
 
 def _interrupted(number: int, _: FrameType | None) -> None:

@@ -9,12 +9,13 @@ This is the native wire; `zacoustic.core.profiles.rmw_desert.protocols` has the 
 
 from collections.abc import Sequence, Set
 from types import MappingProxyType
+from typing import Final
 
 from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
 from zacoustic.core.peers.contact import PeerFound, PeerLost
-from zacoustic.core.peers.handshake import SETTLING_UNITS, unit_ns
+from zacoustic.core.peers.handshake import SETTLING_UNITS, latest_ns, unit_ns
 from zacoustic.core.peers.heartbeats import Heartbeats
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.profiles.entities import RosEntitySeen
@@ -62,6 +63,10 @@ ProtocolEvent = (
     | RosEntitySeen
 )
 """The components' events for the application."""
+
+
+_SPREAD_FRAMES: Final = 4
+"""Samples of a steady period linger for at most so many of the longest frames."""
 
 
 class Protocols(Profile):
@@ -158,6 +163,10 @@ class Protocols(Profile):
     def cancel_delivery(self, delivery_id: int, now: int) -> bool:
         """Cancel a reliable sample; see `Engine.cancel_delivery`."""
         return self.topics.cancel(delivery_id, now)
+
+    def end_taken(self, delivery_id: int) -> None:
+        """Note that the application has taken the end of a sample."""
+        self.topics.outcomes.taken(delivery_id)
 
     def refuse_object(self, source: int, transfer: int, now: int) -> bool:
         """Refuse the rest of an object; see `Engine.refuse_object`."""
@@ -319,14 +328,20 @@ class Protocols(Profile):
         self.ranging.use_link(capabilities)
         # Nobody pauses on a route, and its relays repeat what is lost.
         has_pauses = not port.access.is_scheduled and self._context.other_end is None
-        times = LinkTimes(capabilities, port.listening if has_pauses else None)
         settling_ns = max(SETTLING_UNITS * unit_ns(capabilities), self._context.settling_ns)
+        times = LinkTimes(
+            capabilities,
+            port.listening if has_pauses else None,
+            crosses_within_ns=settling_ns if self._context.is_inside else None,
+        )
         self._context.pacers.times = times
+        meets_others = capabilities.half_duplex and has_pauses
+        self._context.queue.spread.most_ns = _SPREAD_FRAMES * times.longest_ns * meets_others
         port.hole_begins.connect(self._context.pacers.hole_begins)
         self.topics.use_link(times, settling_ns)
-        self.services.use_link(times, settling_ns)
+        self.services.use_link(times, latest_ns(settling_ns))
         self.subscriptions.use_link(times)
-        self.actions.use_link(times, settling_ns)
+        self.actions.use_link(times, latest_ns(settling_ns))
         for each in self.transports.values():
             each.use_link(capabilities, now)
         seal, room_bytes = self._context.seal, port.envelope.room_bytes
@@ -339,6 +354,7 @@ class Protocols(Profile):
             now,
             bulk_bytes=bulk_bytes,
             hears_meanwhile=port.rides_back and len(self._context.table.nodes) == 2,
+            longest_answer_ns=times.longest_round_trip_ns if self._context.is_inside else None,
             lacks=port.bulk_goes_on,
         )
         oversized = self.queue.limit(room_bytes - (seal.overhead_bytes or TAG_BYTES))

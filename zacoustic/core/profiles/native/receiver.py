@@ -8,8 +8,8 @@ overlong address``
 ``own not_for_us``      a frame of this address, or for another one
 ``echo``                the same bytes again sooner than the sender can have sent them
 ``version``             a frame of another wire version
-``truncated reserved    the frame cannot be decoded further (`zacoustic.core.wire.frame`)
-unknown_stream``
+``truncated reserved    the frame cannot be decoded further (`zacoustic.core.wire.frame`), or a
+unknown_stream``        record of a service or action has prefixes
 ``unconfirmed differs`` the tables are not known to agree (`zacoustic.core.peers.handshake`)
 ``stranger``            an item that needs an answer, from a node outside of the table's list
 ``not_publisher         the table does not allow this record between these nodes
@@ -59,6 +59,7 @@ from zacoustic.core.wire.envelope import Opened
 from zacoustic.core.wire.frame import Prefixes, Record, Stray, parse_frame
 from zacoustic.core.wire.objects import Fragment
 
+_NO_PREFIXES = Prefixes()
 _REPEATED = frozenset({"repeated_request", "repeated_goal", "repeated_sample"})
 """A node that repeats these has not received the answer."""
 
@@ -193,6 +194,8 @@ class Receiver:
             return reason
         if stream is None:
             return "unknown_stream"
+        if item.prefixes != _NO_PREFIXES and not isinstance(stream.spec, TopicSpec):
+            return "reserved"
         if self._seal.refuses(stream, strong=heard.is_strong):
             return "weak"
         give = self._reception.ack if is_ack else self._reception.record

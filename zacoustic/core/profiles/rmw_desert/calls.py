@@ -32,7 +32,6 @@ from zacoustic.core.transport.calls.calls import (
     RequestReceived,
     ResponseReceived,
 )
-from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
 from zacoustic.core.transport.exchanges.records import repeated_qos
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.values.rmw_desert.messages import Kind, Message, check_limits, encode_head
@@ -82,7 +81,7 @@ class DesertCalls:
         self._emit: Callable[[CallEvent], None] = context.emit
         rng = context.generators.of("rmw_desert calls")
         self._next_sequence = rng.randint(FIRST_SEQUENCE, LAST_SEQUENCE)
-        self._next_call_id = 1
+        self._ids = context.ids.numbered()
         self._arrivals = 0
         self._calls: dict[int, _Call] = {}
         self._by_sequence: dict[tuple[int, int], int] = {}
@@ -108,7 +107,7 @@ class DesertCalls:
         limit_s = spec.timeout_s if timeout_s is None else timeout_s
         deadline_at = now + seconds_to_ns(limit_s)
         self._send(Kind.REQUEST, stream, sequence, fields, now, expires_at=deadline_at)
-        call_id, self._next_call_id = self._next_call_id, self._next_call_id + 1
+        call_id = next(self._ids)
         self._calls[call_id] = _Call(stream_id, sequence)
         self._timers.at((Due.DESERT_CALL, call_id), deadline_at, partial(self._time_out, call_id))
         self._by_sequence[stream_id, sequence] = call_id
@@ -236,7 +235,7 @@ class DesertCalls:
             expires_at=expires_at,
         )
         lane = _REQUEST_LANE if kind is Kind.REQUEST else _ANSWER_LANE
-        self._queue.push((stream.stream_id, lane), item, repeated_qos(stream.qos, CALL_NUMBERING))
+        self._queue.push((stream.stream_id, lane), item, repeated_qos(stream.qos))
 
     def _take_sequence(self, stream_id: int) -> int:
         while True:

@@ -18,6 +18,7 @@ is the clock of slots; the controls of policies are in `zacoustic.core.wire.acce
 """
 
 import random
+from collections.abc import Callable
 
 from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
@@ -78,7 +79,11 @@ __all__ = [
 
 
 def choose(
-    spec: AccessSpec | None, capabilities: LinkCapabilities, address: int, rng: random.Random
+    spec: AccessSpec | None,
+    capabilities: LinkCapabilities,
+    address: int,
+    rng: random.Random,
+    is_crowd: Callable[[], bool] = lambda: False,
 ) -> MediumAccess:
     """Make the policy of a link.
 
@@ -87,6 +92,7 @@ def choose(
         capabilities: The link's.
         address: Address of this node.
         rng: For the back-off.
+        is_crowd: Returns whether at least two other nodes are known.
 
     Raises:
         ConfigError: The choice cannot work on this link; says why.
@@ -95,7 +101,7 @@ def choose(
         schedule = _schedule_for(spec, capabilities, address)
         spec = _natural(capabilities)
         if isinstance(schedule, ScheduleSpec):
-            otherwise = choose(spec, capabilities, address, rng)
+            otherwise = choose(spec, capabilities, address, rng, is_crowd)
             method = str(spec.__struct_config__.tag)
             return Auto(Tdma(schedule, capabilities, address), otherwise, method)
     elif capabilities.controls_access and not isinstance(spec, DelegatedSpec):
@@ -121,7 +127,7 @@ def choose(
                     'access.method: "carrier_sense"; this link does not tell when somebody else is '
                     'heard; allowed: "aloha", "tdma", "schedule", "polling"'
                 )
-            return CarrierSense(capabilities, rng)
+            return CarrierSense(capabilities, rng, is_crowd)
         case TdmaSpec() | ScheduleSpec():
             return Tdma(spec, capabilities, address)
         case PollingSpec():

@@ -24,17 +24,17 @@ assumed to have ended after twice the airtime of the largest frame.
 """
 
 import random
+from collections.abc import Callable
 from typing import Final
 
-from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.schedule.access.backoff import BackOff
 from zacoustic.core.schedule.access.base import MediumAccess, Wanted
+from zacoustic.core.schedule.access.otherruns import MARGIN_NS
 
 _SHORT_FRAME_BYTES: Final = 8
 _CARRIER_LIMIT_FRAMES: Final = 2
-_CROWD_NS: Final = 600 * NS_PER_S
-"""Nodes that were heard within this time count."""
 
 
 class CarrierSense(MediumAccess):
@@ -43,24 +43,36 @@ class CarrierSense(MediumAccess):
     Args:
         capabilities: The link's, for its airtime.
         rng: Draws the back-off.
+        is_crowd: Returns whether at least two other nodes are known.
     """
 
-    def __init__(self, capabilities: LinkCapabilities, rng: random.Random) -> None:
-        self._back_off = BackOff(capabilities.airtime_ns(_SHORT_FRAME_BYTES), rng)
+    def __init__(
+        self,
+        capabilities: LinkCapabilities,
+        rng: random.Random,
+        is_crowd: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._slot_ns = capabilities.airtime_ns(_SHORT_FRAME_BYTES)
+        self._back_off = BackOff(self._slot_ns, rng)
+        self._urgent_back_off = BackOff(self._slot_ns, rng)
+        self._space_ns = seconds_to_ns(capabilities.gap_s) + MARGIN_NS
+        """A node in a run begins its next frame sooner than this after the last one, ns."""
         self._carrier_limit_ns = _CARRIER_LIMIT_FRAMES * capabilities.airtime_ns(
             capabilities.mtu_bytes
         )
+        self._is_crowd = is_crowd
         self._busy_since: int | None = None
-        self._resume_at = 0
-        self._apart_until = 0
-        """Until when own frames wait in a crowd, ns."""
+        self._idle_since = 0
+        """Instant from which the back-off counts, ns."""
+        self._left_ns = 0
+        """The rest of the back-off, ns."""
+        self._urgent_left_ns = 0
+        """The same for an urgent frame."""
+        self._is_apart = False
+        """Whether that separates own frames only: none of them waited for the carrier."""
         self._waits = False
         self._gave_frame = True
         """Whether the present or last sound gave a frame."""
-        self._last: tuple[int, int] | None = None
-        """The node that was heard last, and when, ns."""
-        self._other_at: int | None = None
-        """When a node other than that one was heard last, ns."""
 
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
         """Return the end of the back-off, or of the longest possible carrier."""
@@ -69,50 +81,59 @@ class CarrierSense(MediumAccess):
         if self._busy_since is not None:
             clear_at = self._busy_since + self._carrier_limit_ns
         elif wanted.is_urgent:
-            return wanted.due_at
+            clear_at = 0 if wanted.is_copy else self._idle_since + self._urgent_left_ns
         else:
-            is_apart = not (wanted.is_in_rhythm or wanted.is_copy or wanted.is_in_train)
-            clear_at = max(self._resume_at, self._apart_until if is_apart else 0)
+            follows = wanted.is_in_rhythm or wanted.is_copy or wanted.is_in_train
+            is_free = follows and self._is_apart
+            clear_at = 0 if is_free else self._idle_since + self._left_ns
         if wanted.due_at <= now < clear_at:
             self._waits = True
         return max(wanted.due_at, clear_at)
 
     def handle_carrier(self, busy: bool, now: int) -> None:
         """Record the carrier; at its end, draw a back-off if a frame waited for it."""
-        is_crowd = self._is_crowd(now)
         if busy:
-            if is_crowd:
-                self._follow_last_sound()
-            elif now < self._resume_at and self._waits:
-                self._back_off.grow()
-            self._gave_frame = False
-            self._busy_since = now
+            self._begins(now)
         elif self._busy_since is not None:
             self._busy_since = None
-            if self._waits:
-                self._waits = False
-                self._resume_at = now + self._back_off.draw()
-            elif is_crowd and self._back_off.is_wide:
-                self._apart_until = now + self._back_off.draw()
+            self._ends(now)
 
     def handle_transmitted(self, now: int) -> None:
         """Start again from the smallest window; in a crowd, back off if the window is wide."""
         self._waits = False
-        if not self._is_crowd(now):
+        if not self._is_crowd():
             self._back_off.reset()
         elif self._back_off.is_wide:
-            self._apart_until = now + self._back_off.draw()
+            self._idle_since, self._left_ns = now, self._back_off.draw()
+            self._urgent_left_ns, self._is_apart = 0, True
 
     def handle_heard(self, source: int, now: int) -> None:
         """Record a frame from `source`."""
         self._gave_frame = True
-        if self._last is not None and self._last[0] != source:
-            self._other_at = self._last[1]
-        self._last = source, now
 
-    def _is_crowd(self, now: int) -> bool:
-        """Return whether two other nodes or more were heard lately."""
-        return self._other_at is not None and now - self._other_at <= _CROWD_NS
+    # Below the methods above
+
+    def _begins(self, now: int) -> None:
+        if not self._is_crowd():
+            if now < self._idle_since + self._left_ns and self._waits:
+                self._back_off.grow()
+        else:
+            self._follow_last_sound()
+            if self._busy_since is None:
+                self._left_ns = max(0, self._left_ns - max(0, now - self._idle_since))
+        self._gave_frame = False
+        self._busy_since = now
+
+    def _ends(self, now: int) -> None:
+        if not self._is_crowd():
+            if self._waits:
+                self._waits, self._idle_since, self._left_ns = False, now, self._back_off.draw()
+            return
+        self._idle_since = now + self._space_ns
+        self._urgent_left_ns = self._urgent_back_off.draw()
+        if self._left_ns == 0 and (self._waits or self._back_off.is_wide):
+            self._left_ns = self._back_off.draw() + self._slot_ns
+        self._is_apart = not self._waits
 
     def _follow_last_sound(self) -> None:
         if self._gave_frame:

@@ -38,6 +38,10 @@ at once, again and again, for the airtime of the largest frame and the round tri
 may arrive too early by the round trip, so the row continues for that much longer (`detour_ns`). A
 pause that is longer because of that costs a frame, but not the rhythm.
 
+All this is between two nodes. Where a node knows of more, it *rests* after each run, for a random
+time (`zacoustic.core.schedule.access.fairshare`): nobody tells of pauses, nor aims at them, and the
+copies of an emergency go at random times as well.
+
 `exclusive` switches this node's pauses off, for a transfer that has the channel to itself by
 agreement. Policies with turns (TDMA, polling) need no windows: in the turns of others this node is
 silent. Nor do devices that hear while they send; DESERT counts as one, since its airtime is mostly
@@ -46,8 +50,10 @@ waiting, with a few hundredths of sound.
 
 from typing import Final
 
+from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.linktypes import LinkCapabilities
-from zacoustic.core.schedule.access.otherruns import MARGIN_NS, OtherRuns
+from zacoustic.core.schedule.access.fairshare import FairShare
+from zacoustic.core.schedule.access.otherruns import MARGIN_NS, OtherRuns, Rhythm
 from zacoustic.core.wire.access import ANYBODY, TURN_BYTES, Turn
 
 ANNOUNCED_RUNS: Final = 3
@@ -61,6 +67,12 @@ _LONG_ROW_FRAMES: Final = 2
 """This many of the largest frames in a row are a run with pauses."""
 _LISTENED_PERIODS_OF_SEARCH: Final = 1
 """The same for an urgent frame that searches for the pause by itself."""
+_BESIDE_OTHERS_NS: Final = 15 * NS_PER_S
+"""A node that always has something to say is heard this often, rests included, where carriers are
+sensed."""
+_LEAST_REST_WINDOWS: Final = 2
+"""The shortest rest of a node in a crowd, in listen windows: two short frames fit it in a row, so
+that one of several copies arrives whole wherever their receiver is."""
 _GOLDEN_RATIO: Final = 0.618
 
 
@@ -69,10 +81,13 @@ class Listening(OtherRuns):
 
     Args:
         capabilities: The link's.
+        share: What this node leaves free for others; None: it never knows of two.
     """
 
-    def __init__(self, capabilities: LinkCapabilities) -> None:
+    def __init__(self, capabilities: LinkCapabilities, share: FairShare | None = None) -> None:
         super().__init__(capabilities)
+        self._share = share
+        self._least_rest_ns = _LEAST_REST_WINDOWS * self.pause_ns
         self.sends_full = False
         """Whether the waiting payloads fill frames, and announce a pause if one ends with the
         run."""
@@ -99,13 +114,29 @@ class Listening(OtherRuns):
         """Sounds as long as a largest frame, one directly after another."""
         self._largest_ended_at = 0
         """End of the last one, ns."""
+        self._others_heard_until = -1
+        """Until when it counts that another node was heard, ns."""
 
     # This node
 
-    def pauses_until(self, due_at: int, now: int, *, is_urgent: bool) -> int:
-        """Return `due_at`, or the end of this node's pause that a frame must wait for, ns."""
+    @property
+    def is_crowd(self) -> bool:
+        """Whether at least two other nodes are known."""
+        return self._share is not None and self._share.is_crowd()
+
+    def pauses_until(self, due_at: int, now: int, *, is_urgent: bool, goes_on: bool = False) -> int:
+        """Return `due_at`, or the end of this node's pause or rest that a frame must wait for, ns.
+
+        Args:
+            due_at: When the frame should start, ns.
+            now: The instant.
+            is_urgent: Its content is urgent.
+            goes_on: The last frame has announced that it follows, or it is a copy of that one.
+        """
         if self._last_ended_at is None or self.exclusive or is_urgent:
             return due_at
+        if self._share is not None and self.is_crowd and not goes_on:
+            due_at = max(due_at, self._share.rests_until)
         at = max(due_at, now)
         paused_until = self._own_pause_end(at)
         return paused_until if paused_until > at else due_at
@@ -162,7 +193,7 @@ class Listening(OtherRuns):
             has_object: An object is being sent. Its fragments have no room for a TURN, so any other
                 frame with room carries one, in every run.
         """
-        if self.exclusive or room_bytes < TURN_BYTES or not self._follows(now):
+        if self.exclusive or room_bytes < TURN_BYTES or not self._follows(now) or self.is_crowd:
             return b""
         begins_anew = not self._continues(now)
         runs = 1 if has_object else ANNOUNCED_RUNS
@@ -200,6 +231,11 @@ class Listening(OtherRuns):
         if not is_told and not self._continues(started_at):
             self._run_begun_at = started_at
         self._last_ended_at = self._listens_since = ended_at
+        if self._share is not None:
+            free_at = ended_at + self._gap_ns
+            fills_run = not self._fits(self._run_begun_at + self._run_ns, free_at)
+            least_ns = self._least_rest_ns
+            self._share.spend(started_at, free_at, fills_run=fills_run, least_ns=least_ns)
         self._listened += 1
         if self._ends_run:
             self._ends_run = False
@@ -230,6 +266,7 @@ class Listening(OtherRuns):
                 rhythm.heard_at = self._heard_at(rhythm, now)
             self._heard_sound(self._busy_since, now)
             self._busy_since = None
+            self._others_heard_until = now + _BESIDE_OTHERS_NS
             self._row_ends_at = now if self._is_understood else now + self._gap_ns + 2 * MARGIN_NS
 
     # Others
@@ -285,6 +322,11 @@ class Listening(OtherRuns):
         last_ns, period_ns = self._last_ns, self.period_ns
         return max((at + (not_before > at + last_ns) * period_ns for at in opens), default=None)
 
+    def is_beside_others(self, now: int) -> bool:
+        """Return whether any of several other nodes may be in a run, or rest between two."""
+        is_heard = self.hears_sound or now <= self._others_heard_until
+        return self.is_crowd and (is_heard or not self._senses_carrier)
+
     @property
     def search_ns(self) -> int:
         """How long copies of the last record continue to search for an unknown pause, ns."""
@@ -325,8 +367,14 @@ class Listening(OtherRuns):
 
         Sounds that follow each other are none: that is what a busy fleet sounds like.
         """
+        if self.is_crowd:
+            return False
         is_full = not self._senses_carrier or at <= self._full_run_heard_until
         return is_full and at <= self._run_heard_until
+
+    def _active(self, at: int) -> list[Rhythm]:
+        """Return the rhythms to which this node keeps: none among nodes that rest."""
+        return [] if self.is_crowd else super()._active(at)
 
     def _continues(self, now: int) -> bool:
         """Return whether a frame that starts now would belong to the present run."""

@@ -141,7 +141,7 @@ class Actions:
     # For the engine
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
-        """Set the link's airtimes and the time in which every repetition of a frame arrives, ns."""
+        """Set the link's airtimes, and how long a frame and all its duplicates take to come, ns."""
         self._outbox.use_link(times)
         self._client.settling_ns = self._server.settling_ns = settling_ns
 
@@ -168,6 +168,8 @@ class Actions:
             return "payload"
         if spec.server == self._address:
             return self._server.receive(source, stream, message, now)
+        if spec.server == source and not heard.is_unicast:
+            return "not_for_us"  # it may be about a goal of another client
         if spec.server == source:
             return self._client.receive(source, stream, message, now)
         return "not_subscriber"

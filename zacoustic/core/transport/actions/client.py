@@ -23,7 +23,7 @@ from zacoustic.core.transport.actions.events import (
     ResultReceived,
 )
 from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
-from zacoustic.core.transport.exchanges.numbers import GOAL_NUMBERING, NumberWindow
+from zacoustic.core.transport.exchanges.numbers import NumberWindow
 from zacoustic.core.transport.exchanges.taken import NEVER
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.goals import (
@@ -50,6 +50,7 @@ class GoalClient:
     def __init__(self, context: Context, outbox: GoalOutbox) -> None:
         self._address = context.address
         self._table = context.table
+        self._numbering = context.sizes.goals
         self._outbox = outbox
         self._requests = ClientRequests(context.table, outbox)
         self._journal = ClientJournal(context.address, context.table, context.journal)
@@ -172,7 +173,7 @@ class GoalClient:
                 return self._receive_result(goal, stream, message.payload, now)
             case Operation.CONFIRM:
                 self._prove(goal, now)
-                self._requests.stop_offer(goal, now, answered=True)
+                self._requests.stop_offer(goal, now, answered=True, prompt=True)
                 if goal.stage is ClientStage.OFFERED and goal.claim is None:
                     self._claim(goal, now)
             case Operation.ACCEPTED:
@@ -248,7 +249,7 @@ class GoalClient:
         numbers = self._numbers.get(stream.stream_id)
         if numbers is None:
             numbers = self._first_numbers(stream.stream_id, taken)
-        if len(taken) < GOAL_NUMBERING.window:
+        if len(taken) < self._numbering.window:
             if numbers.may_begin(now, self.settling_ns):
                 return numbers
             if numbers.is_stuck and self._epoch.renew(now):
@@ -256,13 +257,13 @@ class GoalClient:
                 if numbers.may_begin(now, self.settling_ns):
                     return numbers
         raise QueueFullError(
-            f"stream {stream.stream_id}: {GOAL_NUMBERING.window} goals for node {spec.server} are "
+            f"stream {stream.stream_id}: {self._numbering.window} goals for node {spec.server} are "
             "under way, or have ended just now",
             hint="wait for results, or cancel goals",
         )
 
     def _first_numbers(self, stream_id: int, taken: list[int]) -> NumberWindow:
-        numbers = NumberWindow(GOAL_NUMBERING, self._handshake.epoch, frozenset(taken))
+        numbers = NumberWindow(self._numbering, self._handshake.epoch, frozenset(taken))
         self._numbers[stream_id] = numbers
         return numbers
 

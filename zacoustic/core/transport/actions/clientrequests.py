@@ -26,10 +26,12 @@ class ClientRequests:
         codec = self._table.by_id(goal.key.stream_id).codec
         goal.offer = self._repeat(goal, Operation.GOAL, GoalLane.GOAL, now, payload, codec)
 
-    def stop_offer(self, goal: ClientGoal, now: int, *, answered: bool = False) -> None:
-        """Stop sending the goal."""
+    def stop_offer(
+        self, goal: ClientGoal, now: int, *, answered: bool = False, prompt: bool = False
+    ) -> None:
+        """Stop sending the goal; see `GoalOutbox.stop`."""
         if goal.offer is not None:
-            self._outbox.stop(goal.offer, now, answered=answered)
+            self._outbox.stop(goal.offer, now, answered=answered, prompt=prompt)
             goal.offer = None
 
     def claim(self, goal: ClientGoal, now: int) -> None:

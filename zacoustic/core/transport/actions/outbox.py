@@ -13,7 +13,6 @@ from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.exchanges.numbers import GOAL_NUMBERING
 from zacoustic.core.transport.exchanges.records import once_qos, repeated_qos
 from zacoustic.core.transport.exchanges.repeating import Repeater, Repetition
 from zacoustic.core.values.payload import PayloadCodec
@@ -166,15 +165,29 @@ class GoalOutbox:
         return self._repeater.start(
             _lane_key(goal, peer, lane),
             written(operation, payload, codec is None or codec.delimits_itself),
-            repeated_qos(qos, GOAL_NUMBERING),
+            repeated_qos(qos),
             until=until,
             reminder=written(Operation.RESULT, REMINDER, True) if is_reminded else None,
         )
 
-    def stop(self, repetition: Repetition | None, now: int, *, answered: bool = False) -> None:
-        """End a repetition, if there is one."""
+    def stop(
+        self,
+        repetition: Repetition | None,
+        now: int,
+        *,
+        answered: bool = False,
+        prompt: bool = False,
+    ) -> None:
+        """End a repetition, if there is one.
+
+        Args:
+            repetition: The repetition, or None.
+            now: The instant.
+            answered: The other end has just shown that it has the record.
+            prompt: It does that at once; otherwise an application has decided when.
+        """
         if repetition is not None:
-            self._repeater.stop(repetition, now, answered=answered)
+            self._repeater.stop(repetition, now, answered=answered, prompt=prompt)
 
     def again(self, repetition: Repetition) -> None:
         """Repeat a record at once: the other end lacks it."""

@@ -14,7 +14,6 @@ from zacoustic.core.transport.actions.events import ActionEvent, CancelRequested
 from zacoustic.core.transport.actions.outbox import GoalLane, GoalOutbox
 from zacoustic.core.transport.actions.servedgoal import CancelStage, ServedGoal, ServedStage
 from zacoustic.core.transport.exchanges.journal import ExchangeJournal
-from zacoustic.core.transport.exchanges.numbers import GOAL_NUMBERING
 from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.transport.exchanges.taken import TakenExchanges
 from zacoustic.core.values.payload import PayloadError
@@ -37,8 +36,6 @@ _JOURNAL: Final = "goal/taken"
 _WORTH_A_REMINDER_BYTES: Final = 8
 """From this size on, a reminder and the claim that sometimes follows cost less than one more copy
 of a result."""
-_GOALS_MOST: Final = 1024
-"""The most goals of all clients, including those under forged addresses."""
 
 
 class GoalServer:
@@ -63,8 +60,8 @@ class GoalServer:
             context.timers,
             repeater,
             Due.SERVED_GOAL,
-            GOAL_NUMBERING,
-            _GOALS_MOST,
+            context.sizes.goals,
+            context.sizes.served_goals,
         )
         self.settling_ns = 0
         """Time in which every repetition of a frame arrives, ns."""
@@ -375,7 +372,7 @@ class GoalServer:
         )
 
     def _result_confirmed(self, goal: ServedGoal, now: int) -> None:
-        self._outbox.stop(goal.repetition, now, answered=True)
+        self._outbox.stop(goal.repetition, now, answered=True, prompt=True)
         goal.repetition = None
         if not goal.is_confirmed:
             goal.is_confirmed = True

@@ -21,7 +21,6 @@ from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.calls.calls import Answer, RequestReceived, Served
 from zacoustic.core.transport.exchanges.journal import ExchangeJournal
-from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
 from zacoustic.core.transport.exchanges.records import confirm, once_qos, repeated_qos
 from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.transport.exchanges.taken import TakenExchanges
@@ -68,7 +67,7 @@ class Answering:
             context.timers,
             repeater,
             Due.SERVED_CALL,
-            CALL_NUMBERING,
+            context.sizes.calls,
         )
         self._handlers: dict[int, Callable[[RequestReceived, int], None]] = {}
         self._linger_s = 0.0
@@ -280,7 +279,7 @@ class Answering:
             queued_at=now,
         )
         key = (call.stream_id, ANSWER_LANE, call.client)
-        qos = repeated_qos(stream.qos, CALL_NUMBERING)
+        qos = repeated_qos(stream.qos)
         served.repetition = self._repeater.start(
             key, record, qos, until=served.deadline_at, introduces=stream.is_built_in
         )

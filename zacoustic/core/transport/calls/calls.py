@@ -21,11 +21,13 @@ abandoned the calls of all other epochs. Until then the client's frames begin wi
 the server replies with a *named* answer, which carries the epoch.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
 
-from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING, NumberWindow
+from zacoustic.core.base.sizes import Numbering
+from zacoustic.core.transport.exchanges.numbers import NumberWindow
 from zacoustic.core.transport.exchanges.repeating import Repetition
 from zacoustic.core.transport.exchanges.taken import TakenExchange
 from zacoustic.core.wire.calls import CallFailure, CallKey, CallKind
@@ -93,14 +95,17 @@ class ClientCalls:
 
     Args:
         epoch: Boot epoch of this node.
+        ids: Assigns the ids of calls.
+        numbering: How they are numbered.
     """
 
-    def __init__(self, epoch: int) -> None:
+    def __init__(self, epoch: int, ids: Iterator[int], numbering: Numbering) -> None:
+        self._numbering = numbering
         self._epoch = epoch
+        self._ids = ids
         self._calls: dict[int, _Call] = {}
         self._by_number: dict[tuple[int, int, int], int] = {}
         self._lanes: dict[tuple[int, int], NumberWindow] = {}
-        self._next_call_id = 1
         self.settling_ns = 0
         """The longest time from the last transmission of a request to its last arrival, ns."""
 
@@ -118,12 +123,11 @@ class ClientCalls:
         lane = self._lane(server, stream_id)
         if not lane.may_begin(now, self.settling_ns):
             raise QueueFullError(
-                f"stream {stream_id}: {CALL_NUMBERING.window} calls to node {server} are under "
+                f"stream {stream_id}: {self._numbering.window} calls to node {server} are under "
                 "way, or no number is proved free",
                 hint="wait for answers, or set a shorter timeout_s",
             )
-        call_id = self._next_call_id
-        self._next_call_id += 1
+        call_id = next(self._ids)
         call = self._calls[call_id] = _Call(stream_id, server, lane)
         self._by_number[(server, stream_id, call.number)] = call_id
         return call_id, call.number
@@ -198,7 +202,7 @@ class ClientCalls:
     def _lane(self, server: int, stream_id: int) -> NumberWindow:
         lane = self._lanes.get((server, stream_id))
         if lane is None:
-            lane = self._lanes[server, stream_id] = NumberWindow(CALL_NUMBERING, self._epoch)
+            lane = self._lanes[server, stream_id] = NumberWindow(self._numbering, self._epoch)
         return lane
 
     def _end(self, call_id: int) -> _Call:

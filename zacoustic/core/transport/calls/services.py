@@ -15,7 +15,6 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.qos import Stamp
 from zacoustic.core.base.stats import count
 from zacoustic.core.base.timers import Due
-from zacoustic.core.peers.handshake import SETTLING_UNITS
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import Waiting
@@ -30,7 +29,6 @@ from zacoustic.core.transport.calls.calls import (
     ClientCalls,
     ResponseReceived,
 )
-from zacoustic.core.transport.exchanges.numbers import CALL_NUMBERING
 from zacoustic.core.transport.exchanges.records import confirm, once_qos, repeated_qos
 from zacoustic.core.transport.exchanges.repeating import Repeater
 from zacoustic.core.values.payload import PayloadError
@@ -72,7 +70,9 @@ class Services:
         self._timers = context.timers
         self._stats = context.stats
         self._emit: Callable[[CallEvent], None] = context.emit
-        self._clients = ClientCalls(context.handshake.epoch)
+        self._clients = ClientCalls(
+            context.handshake.epoch, context.ids.numbered(), context.sizes.calls
+        )
         self._answering = Answering(context, repeater)
         context.reception.on_records(ServiceSpec, self.receive)
         context.epoch.began.connect(self.epoch_changed)
@@ -94,10 +94,8 @@ class Services:
         self._takers[stream_id] = take
 
     def use_link(self, times: LinkTimes, settling_ns: int) -> None:
-        """Set the link's airtimes and the time in which every repetition of a frame arrives, ns."""
+        """Set the link's airtimes, and how long a frame and all its duplicates take to come, ns."""
         self._linger_s = times.confirm_linger_s
-        # The last frame arrives within one unit; repetitions of it arrive within four.
-        settling_ns += settling_ns // SETTLING_UNITS
         self._clients.settling_ns = settling_ns
         self._answering.use_link(times, settling_ns)
 
@@ -154,7 +152,7 @@ class Services:
         started = self._repeater.start(
             key,
             request,
-            repeated_qos(stream.qos, CALL_NUMBERING),
+            repeated_qos(stream.qos),
             until=until,
             introduces=stream.is_built_in,
         )
@@ -184,12 +182,16 @@ class Services:
         if not content:
             return "payload"
         kind, number = decode_call_byte(content[0])
+        if server == source and not heard.is_unicast:
+            return "not_for_us"  # it may be to a call of another client
         if server == source:
             return self._receive_answer(source, stream, content, now)
         if server != self._address:
             return "not_subscriber" if kind is CallKind.REQUEST else "not_publisher"
         key = CallKey(source, self._handshake.peer(source).present_epoch, stream.stream_id, number)
         if kind is CallKind.CONFIRM:
+            if len(content) > 1:
+                return "payload"
             self._answering.confirmed(key, now)
             return None
         if kind is not CallKind.REQUEST:
@@ -230,13 +232,15 @@ class Services:
 
     def _receive_answer(self, server: int, stream: Stream, content: bytes, now: int) -> str | None:
         kind, number = decode_call_byte(content[0])
-        payload = content[1:]
-        if kind is NAMED:
+        payload, is_named = content[1:], kind is NAMED
+        if is_named:
             named = decode_name(payload, self._handshake.epoch)
             if named is None or named is NAMED:
                 return "unexpected_answer"
             kind, payload = named, payload[NAME_BYTES:]
-        elif not self._handshake.peer(server).knows_us:
+        if kind is CallKind.CONFIRM and payload:
+            return "payload"
+        if not is_named and not self._handshake.peer(server).knows_us:
             self._ask_again(server, stream.stream_id, number, now)
             return "unexpected_answer"
         call_id = self._clients.find(server, stream.stream_id, number)

@@ -27,6 +27,7 @@ from zacoustic.core.transport.deliveries import (
     DeliveryStored,
     SampleReceived,
 )
+from zacoustic.core.transport.outcomes import Outcomes
 from zacoustic.core.transport.publication import EncodedSample
 from zacoustic.core.transport.reliable.sending.keeping import OTHER_STREAM
 from zacoustic.core.wire.carry import (
@@ -77,6 +78,7 @@ class Carrying:
         next_delivery_id: Returns a delivery id that was never used before.
         send: Offers a message to a node.
         withdraw: Ends such an offer.
+        outcomes: Tells the ends of own samples.
     """
 
     def __init__(
@@ -87,6 +89,7 @@ class Carrying:
         next_delivery_id: Callable[[], int],
         send: Send,
         withdraw: Withdraw,
+        outcomes: Outcomes,
     ) -> None:
         self._address = context.address
         self._table = context.table
@@ -96,6 +99,7 @@ class Carrying:
         self._stats = context.stats
         self._peers, self._handshake = context.peers, context.handshake
         self._emit: Callable[[Any], None] = context.emit
+        self._outcomes = outcomes
         self._max_bytes = max_bytes
         self._next_delivery_id = next_delivery_id
         self._offers = Offers(context.address, send, withdraw)
@@ -149,6 +153,9 @@ class Carrying:
             if held.delivery_id is None:
                 if bundle.stream_id not in self._carries:
                     self._custody.drop(held)
+                continue
+            if self._outcomes.has(held.delivery_id):
+                self._custody.drop(held)
                 continue
             self._counts.used(bundle.stream_id, bundle.instance, bundle.lineage)
             own = _Own(bundle.stream_id, bundle.instance)
@@ -470,12 +477,10 @@ class Carrying:
         """End an own sample."""
         own = self._own.pop(delivery_id)
         custodians = sorted({each.custodian for each in own.held if each.custodian is not None})
-        for held in own.held:
-            self._drop(held, now)
         missing = {each.envelope.bundle.destination for each in own.held} | set(own.refused)
         if custodians and not detail:
             detail = f"in custody of {', '.join(map(str, custodians))}"
-        self._emit(
+        self._outcomes.tell(
             DeliveryEnded(
                 delivery_id=delivery_id,
                 stream_id=own.stream_id,
@@ -485,6 +490,8 @@ class Carrying:
                 detail=detail,
             )
         )
+        for held in own.held:
+            self._drop(held, now)
         self._changed()
 
     def _expire(self, held: Held, now: int) -> None:
@@ -539,7 +546,8 @@ class Carrying:
         ends: set[tuple[int, int]] = set()
         wanted = [*self._wanted_answers(ends, now), *self._wanted_samples(ends, now)]
         is_heard = partial(self._reach.is_present, now=now)
-        self._instants += self._offers.review(wanted, is_heard, self._after_ns, now)
+        silence_ns = partial(self._reach.silence_ns, now=now)
+        self._instants += self._offers.review(wanted, is_heard, silence_ns, self._after_ns, now)
         for stream_id, end in ends:
             carry = self._carries[stream_id]
             self._instants += self._reach.changes_at((end, *carry.by), carry, now)

@@ -3,7 +3,9 @@
 A node that was heard lately gets several samples and answers at once. To one that was not, a node
 calls out: it offers one of them, for it cannot know when the other comes into reach. It calls out
 to one node at a time, in turn, so that a mooring with many custodians makes no more sound than one
-with a single custodian, and many moorings leave the water to those who have met somebody.
+with a single custodian, and many moorings leave the water to those who have met somebody. Each turn
+begins with a new frame, so turns become longer with the silence, as all tries do
+(`zacoustic.core.base.allowance`).
 """
 
 from collections import Counter
@@ -12,6 +14,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.allowance import LONGEST_NS
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.transport.carry.custody import Offered
 from zacoustic.errors import LocalError
@@ -24,6 +27,9 @@ _LEAST_TURN_NS: Final = 30 * NS_PER_S
 """A silent node is sent to about as often; a shorter turn could pass without a frame."""
 _TURNS: Final = 2
 """How often each node is called out to in the time after which it counts as out of reach."""
+_PARTS_OF_SILENCE: Final = 16
+"""A turn is at least this part, 1/16, of the time in which nobody of those nodes was heard, down to
+a power of two of the shortest turn: nodes that call out together then take their turns together."""
 
 Send = Callable[[int, bytes, int], int]
 """Offers a message to a node, at an instant; returns the delivery id of the hop."""
@@ -60,13 +66,19 @@ class Offers:
         """What was offered to a node that was not heard."""
 
     def review(
-        self, all_wanted: Sequence[Wanted], is_heard: Callable[[int], bool], after_ns: int, now: int
+        self,
+        all_wanted: Sequence[Wanted],
+        is_heard: Callable[[int], bool],
+        silence_ns: Callable[[int], int],
+        after_ns: int,
+        now: int,
     ) -> list[int]:
         """Offer everything to whom it should be offered, and to nobody else.
 
         Args:
             all_wanted: What should be offered, the most urgent first.
             is_heard: Returns whether a node was heard lately.
+            silence_ns: Returns for how long a node was not heard, ns.
             after_ns: How long a node may be silent before it counts as out of reach, ns.
             now: The instant.
 
@@ -74,7 +86,8 @@ class Offers:
             When to review it again, ns.
         """
         silent = sorted({to for each in all_wanted for to in each.targets if not is_heard(to)})
-        turn, ends_at = self._turn(silent, after_ns, now)
+        shortest_ns = min(map(silence_ns, silent), default=0)
+        turn, ends_at = self._turn(silent, shortest_ns, after_ns, now)
         for receiver, offered in list(self._called.items()):
             if is_heard(receiver):
                 del self._called[receiver]
@@ -122,11 +135,15 @@ class Offers:
 
     # Below the methods above
 
-    def _turn(self, silent: Sequence[int], after_ns: int, now: int) -> tuple[int | None, int]:
+    def _turn(
+        self, silent: Sequence[int], silence_ns: int, after_ns: int, now: int
+    ) -> tuple[int | None, int]:
         """Return whom to call out to now, and when that ends, ns."""
         if not silent:
             return None, now
         turn_ns = max(_LEAST_TURN_NS, after_ns // (_TURNS * len(silent)))
+        while turn_ns * _PARTS_OF_SILENCE < silence_ns and turn_ns < LONGEST_NS:
+            turn_ns *= 2
         turns = now // turn_ns
         # Many nodes begin at the same time; each calls out to another one first.
         return silent[(turns + self._address) % len(silent)], (turns + 1) * turn_ns

@@ -38,6 +38,10 @@ class Reach:
         """Return whether a node is in reach for any topic."""
         return any(self._is_heard(address, each, now) for each in self._carries.values())
 
+    def silence_ns(self, address: int, now: int) -> int:
+        """Return for how long a node was not heard, ns."""
+        return now - self._since(address)
+
     def forget(self, address: int) -> None:
         """Forget a node."""
         self._heard_at.pop(address, None)
@@ -80,12 +84,12 @@ class Reach:
             return (bundle.origin,)
         if way is not None and self._is_heard(way, carry, now):
             return (way,)
-        others = [
-            each
-            for each in self._farther(carry)
-            if each not in (bundle.destination, way) and self._is_heard(each, carry, now)
-        ]
-        return others if way is None else (way, *others)
+        others = [each for each in self._farther(carry) if each not in (bundle.destination, way)]
+        heard = [each for each in others if self._is_heard(each, carry, now)]
+        if way is None:
+            return heard
+        # A publisher that was met once may never come again: any custodian may meet it.
+        return (way, *(heard or (others if way == bundle.origin else ())))
 
     def changes_at(self, addresses: Sequence[int], carry: Carry, now: int) -> list[int]:
         """Return the next instants at which one of some nodes may come to count otherwise, ns."""

@@ -23,7 +23,8 @@ from zacoustic.core.transport.calls.services import Services
 from zacoustic.core.transport.commands.deduplication import DeduplicationTable, Freshness
 from zacoustic.core.transport.commands.given import GivenCommands
 from zacoustic.core.transport.commands.overrides import Overrides
-from zacoustic.core.transport.commands.unproved import UNPROVED_S, Unproved
+from zacoustic.core.transport.commands.unproved import Unproved
+from zacoustic.core.transport.exchanges.repeating import UNPROVED_S
 from zacoustic.core.wire.calls import CallFailure, CallKey
 from zacoustic.errors import LocalError
 

@@ -17,14 +17,14 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.streams.commands import SERIALS
 from zacoustic.core.transport.commands.deduplication import Freshness
+from zacoustic.core.transport.exchanges.repeating import UNPROVED_S
 from zacoustic.core.wire.calls import CallKey
 
-UNPROVED_S: Final = 600.0
-"""How long such a command holds, s."""
+_UNPROVED_NS: Final = seconds_to_ns(UNPROVED_S)
 
 
 class _Tried(msgspec.Struct, frozen=True):
@@ -65,8 +65,7 @@ class Unproved:
         before = self._tried.get(subject)
         undo = undo if before is None else before.undo
         self._tried[subject] = _Tried(call.client, call.epoch, serial, undo)
-        until = now + round(UNPROVED_S * NS_PER_S)
-        self._timers.at((Due.UNPROVED, subject), until, partial(self._end, subject))
+        self._timers.at((Due.UNPROVED, subject), now + _UNPROVED_NS, partial(self._end, subject))
 
     def settle(self, subject: int) -> None:
         """End the trial of an object: a proved command has replaced it."""

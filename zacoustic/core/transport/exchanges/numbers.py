@@ -17,39 +17,9 @@ an earlier one rarely has a number that is in use.
 
 from collections import deque
 from collections.abc import Iterable
-from typing import Final
 
-import msgspec
-
+from zacoustic.core.base.sizes import Numbering
 from zacoustic.core.transport.exchanges.repeating import Repetition
-from zacoustic.core.wire.calls import CALL_NUMBERS
-from zacoustic.core.wire.goals import GOAL_NUMBERS
-
-
-class Numbering(msgspec.Struct, frozen=True):
-    """How one kind of exchange is numbered; both ends know it."""
-
-    count: int
-    """Numbers, from 0."""
-    window: int
-    """The most exchanges of one client on one stream that can be under way at once."""
-    stride: int
-    """Distance of the first numbers of successive boot epochs; odd, so that they take all numbers
-    in turn."""
-
-    def first(self, epoch: int) -> int:
-        """Return the first number of a boot epoch."""
-        return (epoch - 1) * self.stride % self.count
-
-    def closes(self, number: int, other: int) -> bool:
-        """Return whether a request proves that another exchange has ended at its client."""
-        return self.window <= (number - other) % self.count <= self.count - self.window
-
-
-CALL_NUMBERING: Final = Numbering(count=CALL_NUMBERS, window=16, stride=23)
-"""The calls of one client to one service. Their epochs begin with 0, 23, 46, 5, 28, …"""
-GOAL_NUMBERING: Final = Numbering(count=GOAL_NUMBERS, window=12, stride=11)
-"""The goals of one client on one stream. Their epochs begin with 0, 11, 22, 1, 12, …"""
 
 
 class NumberWindow:

@@ -4,12 +4,15 @@ A confirmation is said once: if it is lost, the other end repeats what it confir
 again.
 """
 
+from typing import Final
+
 import msgspec
 
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.schedule.queue import Waiting
-from zacoustic.core.transport.exchanges.numbers import Numbering
+
+_ANY_DEPTH: Final = 65535
 
 
 def confirm(stream_id: int, destination: int, head: bytes, now: int) -> Waiting:
@@ -32,7 +35,6 @@ def once_qos(linger_s: float) -> Qos:
     return Qos(priority=Priority.INTERACTIVE_HIGH, linger_s=linger_s)
 
 
-def repeated_qos(qos: Qos, numbering: Numbering) -> Qos:
+def repeated_qos(qos: Qos) -> Qos:
     """Return the QoS of repeated records, which neither displace each other nor wait."""
-    depth = 2 * numbering.count
-    return msgspec.structs.replace(qos, depth=depth, lifespan_s=None, min_interval_s=0.0)
+    return msgspec.structs.replace(qos, depth=_ANY_DEPTH, lifespan_s=None, min_interval_s=0.0)

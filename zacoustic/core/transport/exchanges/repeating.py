@@ -7,6 +7,10 @@ again. The node's pacer decides when a repetition may go to it (`zacoustic.core.
 A record may have a *reminder*, a short record that asks whether the node has it. After two
 transmissions without an answer it is likelier that answers were lost than that both copies were. So
 from then on the reminder is repeated; a node that lacks the record says so and gets it `again`.
+
+A record may be the *proof* of what the node has taken for `UNPROVED_S` only. Repetitions to the
+node may have become rare before it answered, so rare that the effect would end between two of them.
+A proof is therefore repeated several times within that time, and at the usual pace after it.
 """
 
 import enum
@@ -14,6 +18,8 @@ import random
 from functools import partial
 from typing import Final
 
+from zacoustic.core.base.allowance import Allowance
+from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Priority, Qos
@@ -30,6 +36,14 @@ has not answered has the record in two cases of three. After one try it has it i
 then reminders cost what they save, and a lost record arrives a round trip later."""
 
 
+UNPROVED_S: Final = 600.0
+"""How long something holds whose sender has not shown that it has heard this life of the node."""
+_UNPROVED_NS: Final = seconds_to_ns(UNPROVED_S)
+_PROOFS: Final = 5
+"""How often a proof goes within that time, at least. With half of the exchanges lost, one of 32
+proofs is late."""
+
+
 class _Stage(enum.Enum):
     QUEUED = "queued"
     ON_AIR = "on_air"
@@ -41,11 +55,14 @@ class Repetition:
     """One record under way; `Repeater.start` makes it."""
 
     __slots__ = (
+        "allowance",
         "due_at",
         "introduces",
+        "is_clear",
         "key",
         "on_air",
         "paced_as",
+        "proves_until",
         "qos",
         "record",
         "reminder",
@@ -66,6 +83,7 @@ class Repetition:
         reminder: Waiting | None = None,
         *,
         introduces: bool = False,
+        proves: bool = False,
     ) -> None:
         self.key = key
         self.whole = whole
@@ -79,13 +97,34 @@ class Repetition:
         self.until = until
         self.introduces = introduces
         """Whether a node that has forgotten this one must be able to read its frame."""
+        self.proves_until = whole.queued_at + _UNPROVED_NS if proves else 0
+        """Instant until which the node holds unproved what this record proves, ns."""
         self.stage = _Stage.QUEUED
+        self.allowance = Allowance()
+        """How many frames may still go in vain for it."""
+        self.is_clear = True
+        """Whether an answer can only answer its last transmission: there was no other one, or it
+        is too long ago."""
         self.tries = 0
         self.on_air = 0
         """How many transmissions of it have not ended, even if it has been stopped."""
         self.sent_at = 0
         """End of its last transmission, ns."""
         self.due_at = 0
+
+    def longest_pause_ns(self, now: int) -> int | None:
+        """Return how long to wait for an answer at most, ns; None: as the node's pacer says."""
+        return _UNPROVED_NS // _PROOFS if now < self.proves_until else None
+
+    def is_late(self, now: int) -> bool:
+        """Return whether it has to go, whatever the node's pacer says."""
+        return self.late_at is not None and self.late_at <= now
+
+    @property
+    def late_at(self) -> int | None:
+        """When it has to go, whatever the node's pacer says, ns; None: never."""
+        longest_ns = self.longest_pause_ns(self.sent_at)
+        return None if longest_ns is None else self.sent_at + longest_ns
 
     def is_settled(self, now: int, settling_ns: int) -> bool:
         """Return whether each transmission of it has arrived, or never will.
@@ -134,6 +173,7 @@ class Repeater:
         *,
         until: int | None,
         introduces: bool = False,
+        proves: bool = False,
         reminder: Waiting | None = None,
     ) -> Repetition:
         """Send a record until it is stopped, or until an instant.
@@ -144,10 +184,13 @@ class Repeater:
             qos: The QoS of that lane.
             until: End, ns; None: none.
             introduces: A node that has forgotten this one must be able to read each frame with it.
+            proves: It proves what the node has taken for a while.
             reminder: A short record that asks for an answer; None: none.
         """
         self._pacers[record.destination].begin(record.queued_at)
-        repetition = Repetition(key, record, qos, until, reminder, introduces=introduces)
+        repetition = Repetition(
+            key, record, qos, until, reminder, introduces=introduces, proves=proves
+        )
         part = Part(
             transmitted=partial(self._transmitted, repetition),
             reported=partial(self._reported, repetition),
@@ -172,7 +215,7 @@ class Repeater:
         """
         peer = repetition.record.destination
         if answered:
-            if repetition.tries == 1 and repetition.stage is _Stage.SENT:
+            if repetition.is_clear and repetition.stage is _Stage.SENT:
                 times = self._pacers.link_times
                 round_trip_ns = now - repetition.sent_at
                 if prompt or round_trip_ns < 2 * times.first_round_trip_ns:
@@ -205,6 +248,7 @@ class Repeater:
         """Make due what waits for a node."""
         for repetition in self._repetitions:
             if repetition.record.destination == address:
+                repetition.allowance.grant()
                 repetition.due_at = 0
         self._changed()
 
@@ -228,14 +272,15 @@ class Repeater:
             if (
                 repetition.stage is _Stage.SENT
                 and repetition.due_at <= now
-                and pacer.may_repeat(now, times, priority)
+                and (repetition.is_late(now) or pacer.may_repeat(now, times, priority))
                 and (
-                    priority is Priority.REAL_TIME
+                    pacer.is_urgent(priority)
                     or pacer.takes(repetition.record.size_bytes, now, times)
                 )
             ):
                 pacer.unanswered(now, times)
-                pause_ns = pacer.pause_ns(times, 0, self._rng, priority)
+                longest_ns = repetition.longest_pause_ns(now)
+                pause_ns = pacer.pause_ns(times, 0, self._rng, priority, at_most_ns=longest_ns)
                 pacer.await_answer(now, now + pause_ns)
                 self._push_again(repetition)
 
@@ -254,6 +299,8 @@ class Repeater:
     def _transmitted(self, repetition: Repetition, now: int) -> None:
         """Record that a transmission begins."""
         self._changed()
+        is_long_ago = now - repetition.sent_at >= self._pacers.link_times.longest_round_trip_ns
+        repetition.is_clear = not repetition.tries or is_long_ago
         repetition.tries += 1
         repetition.wholes_left -= repetition.record is repetition.whole
         repetition.stage = _Stage.ON_AIR
@@ -269,22 +316,31 @@ class Repeater:
             return
         repetition.stage = _Stage.SENT
         priority, times = repetition.qos.priority, self._pacers.link_times
+        pacer = self._pacers[repetition.record.destination]
+        for allowance in (pacer.allowance, repetition.allowance):
+            allowance.sent(at, times.frames_each, is_first=repetition.tries == 1)
         if follow(repetition.record, priority, repetition.tries, times, at, self._rng):
             self._push_again(repetition)
             return
-        pacer = self._pacers[repetition.record.destination]
-        pause_ns = pacer.pause_ns(times, 0, self._rng, repetition.paced_as)
+        longest_ns = repetition.longest_pause_ns(at)
+        pause_ns = pacer.pause_ns(times, 0, self._rng, repetition.paced_as, at_most_ns=longest_ns)
         if not pacer.is_doubtful(times):
             pause_ns = aimed_pause(pause_ns, priority, repetition.tries, times, at, self._rng)
-        repetition.due_at = at + pause_ns
-        pacer.await_answer(at, repetition.due_at, is_repeated=repetition.tries > 1)
+        is_urgent = repetition.paced_as is Priority.REAL_TIME
+        floor_ns = repetition.allowance.floor_ns(times.frames_each, is_urgent=is_urgent)
+        due_ns = max(pause_ns, floor_ns)
+        repetition.due_at = at + (due_ns if longest_ns is None else min(due_ns, longest_ns))
+        pacer.await_answer(at, at + pause_ns, is_repeated=repetition.tries > 1)
 
     def _ready_at(self, repetition: Repetition) -> int:
         times = self._pacers.times
         if times is None:
             return repetition.due_at
         pacer = self._pacers[repetition.record.destination]
-        return max(repetition.due_at, pacer.ready_at(times, repetition.paced_as))
+        ready_at = pacer.ready_at(times, repetition.paced_as)
+        if repetition.late_at is not None:
+            ready_at = min(ready_at, repetition.late_at)
+        return max(repetition.due_at, ready_at)
 
     def _push_again(self, repetition: Repetition) -> None:
         if repetition.wholes_left <= 0 and repetition.reminder is not None:

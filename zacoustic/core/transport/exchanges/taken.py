@@ -14,9 +14,9 @@ from typing import Any, Final, Generic, TypeVar
 
 import msgspec
 
+from zacoustic.core.base.sizes import Numbering
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.transport.exchanges.journal import ExchangeJournal
-from zacoustic.core.transport.exchanges.numbers import Numbering
 from zacoustic.core.transport.exchanges.repeating import Repeater, Repetition
 from zacoustic.core.wire.exchanges import ExchangeKey
 

@@ -34,7 +34,7 @@ from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
 from zacoustic.core.transport.objects.sending.sending import Sending
 from zacoustic.core.transport.objects.stored import StoredObject
 from zacoustic.core.transport.reliable.receiving.receiving import Claim, ReliableReceiving
-from zacoustic.core.transport.reliable.sending.keeping import OTHER_STREAM, given_up
+from zacoustic.core.transport.reliable.sending.keeping import NO_COUNT, OTHER_STREAM, given_up
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.reliable.sending.sendlane import Outgoing
 from zacoustic.core.transport.reliable.sending.slots import LargeSlots, SequenceSlot
@@ -92,7 +92,6 @@ class LargeSamples:
         self._stats = context.stats
         self._emit = emit
         self._now = 0
-        self._given_up: list[StoredObject] = []
         self.objects = Objects(
             epoch=context.handshake.epoch,
             limits=limits,
@@ -103,6 +102,7 @@ class LargeSamples:
             owner=self,
             emit=self._progress,
             journal=context.journal,
+            sizes=context.sizes,
         )
         context.reception.on(Fragment, self.fragment)
         for kind in (Lacks, Complete, Refused, Headless):
@@ -113,16 +113,13 @@ class LargeSamples:
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore large samples from before the restart, after the small ones."""
-        for source, manifest in self.objects.restore(stored, self._accept):
+        for source, manifest in self.objects.restore(stored, self._refuse, self._give_up):
             slot = SequenceSlot(manifest.lineage, manifest.number)
             if self._table.get(manifest.stream_id) is not None:
                 self._receiving.recover_slot(manifest.stream_id, source, manifest.instance, slot)
 
     def link_up(self, now: int) -> None:
-        """Report samples that can no longer be decoded, and resume the others: the link is up."""
-        for order in self._given_up:
-            self._emit(given_up(order.stream_id, order.object_id, OTHER_STREAM, now))
-        self._given_up.clear()
+        """Resume the samples of an earlier boot epoch: the link is up."""
         self._now = now
         self.objects.link_up(now)
         for stream in self._table.every():
@@ -402,18 +399,18 @@ class LargeSamples:
             expires_at=expires_at,
         )
 
-    def _accept(self, order: StoredObject) -> bool:
-        """Resume an outgoing object from before the restart if its stream is unchanged."""
+    def _refuse(self, order: StoredObject) -> str:
+        """Return why an outgoing object from before the restart cannot be resumed, or ''."""
         stream = self._table.get(order.stream_id)
+        if stream is None or stream.digest != order.stream_digest:
+            return OTHER_STREAM
         slot = SequenceSlot(order.lineage, order.number)
-        if (
-            stream is not None
-            and stream.digest == order.stream_digest
-            and self._slots.restore(stream, order.instance, slot, order.object_id, order.receivers)
-        ):
-            return True
-        self._given_up.append(order)
-        return False
+        if self._slots.restore(stream, order.instance, slot, order.object_id, order.receivers):
+            return ""
+        return NO_COUNT
+
+    def _give_up(self, order: StoredObject, why: str, now: int) -> None:
+        self._emit(given_up(order.stream_id, order.object_id, why, now))
 
     def _progress(self, progress: ObjectProgress | BulkChanged) -> None:
         self._emit(progress)

@@ -20,6 +20,7 @@ from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame, TransmitReport
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
+from zacoustic.core.base.sizes import SIZES, Sizes
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.sources import Taken
@@ -64,6 +65,7 @@ class Objects:
         owner: Gets events of outgoing objects, and knows whose turn it is.
         emit: Takes events about their progress and their way.
         journal: Holds what must survive a restart.
+        sizes: How many numbers there are, and how many ended objects are remembered.
     """
 
     def __init__(
@@ -78,11 +80,13 @@ class Objects:
         owner: Owner,
         emit: Callable[[ObjectProgress | BulkChanged], None],
         journal: JournalPort,
+        sizes: Sizes = SIZES,
     ) -> None:
         self._limits = limits
         self._outgoing = OutgoingObjects(
             epoch=epoch,
-            most=limits.most_outgoing,
+            numbers=sizes.transfers,
+            most=min(limits.most_outgoing, sizes.transfers),
             pacers=pacers,
             timers=timers,
             rng=generators.of("outgoing objects"),
@@ -96,6 +100,7 @@ class Objects:
             admission=admission,
             emit=emit,
             journal=journal,
+            most_ended=sizes.ended_transfers,
         )
         self._timing: Timing | None = None
         self._fragment_bytes = 0
@@ -110,6 +115,7 @@ class Objects:
         *,
         bulk_bytes: int = 0,
         hears_meanwhile: bool = False,
+        longest_answer_ns: int | None = None,
         lacks: Callable[[int, int], None] | None = None,
     ) -> None:
         """Derive the durations from the link.
@@ -121,10 +127,12 @@ class Objects:
             now: The instant.
             bulk_bytes: Room for records in a frame of the bulk service, bytes; 0 or less: none.
             hears_meanwhile: This node hears all others while it sends such frames.
+            longest_answer_ns: See `Timing`.
             lacks: Told ``(source, now)`` of an answer that asks a source for more.
         """
         self._incoming.lacks = lacks
-        self._timing = Timing.of(capabilities, capabilities.mtu_bytes - room_bytes, pause_ns)
+        envelope_bytes = capabilities.mtu_bytes - room_bytes
+        self._timing = Timing.of(capabilities, envelope_bytes, pause_ns, longest_answer_ns)
         self._fragment_bytes = room_bytes - FRAGMENT_HEADER_BYTES
         if self._fragment_bytes >= 1:
             bulk_fragment_bytes = bulk_bytes - FRAGMENT_HEADER_BYTES
@@ -135,13 +143,17 @@ class Objects:
             )
 
     def restore(
-        self, stored: Mapping[str, bytes], accept: Callable[[StoredObject], bool]
+        self,
+        stored: Mapping[str, bytes],
+        refuse: Callable[[StoredObject], str],
+        given_up: Callable[[StoredObject, str, int], None],
     ) -> list[tuple[int, Manifest]]:
         """Restore the entries of earlier boot epochs, before anything else.
 
         Args:
             stored: The content of the journal.
-            accept: Returns whether to resume an outgoing object; if not, it is forgotten.
+            refuse: Returns why an outgoing object cannot be resumed, empty: it can.
+            given_up: Told ``(object, why, now)`` once a refused one is deleted in the journal.
 
         Returns:
             Source and manifest of each object that was delivered.
@@ -154,11 +166,12 @@ class Objects:
                 handed_on.append((source, manifest))
         for source, transfer, group, fragments in stored_groups(stored):
             self._incoming.restore_group(source, transfer, group, fragments)
+        self._incoming.restored()
         for transfer, order, place in stored_out(stored):
-            if accept(order):
-                self._outgoing.restore(transfer, order, place or StoredProgress(0, 0))
+            if why := refuse(order):
+                self._outgoing.forget(transfer, partial(given_up, order, why))
             else:
-                self._outgoing.forget(transfer)
+                self._outgoing.restore(transfer, order, place or StoredProgress(0, 0))
         return handed_on
 
     def link_up(self, now: int) -> None:
@@ -369,7 +382,11 @@ class Objects:
             is_first=fragment.index == 0 and sending.outgoing.transmitted == 1,
             is_repair=sending.outgoing.is_repair(fragment.index),
             ends_run=fragment.call is ListenHint.WINDOW,
-            part=Part(reported=partial(self._fragment_reported, sending)),
+            part=Part(
+                reported=partial(
+                    self._fragment_reported, sending, fragment.call is ListenHint.ANSWER
+                )
+            ),
         )
 
     def bulk_due_at(self, now: int) -> int | None:
@@ -466,9 +483,11 @@ class Objects:
 
     # Below the methods above
 
-    def _fragment_reported(self, sending: Sending, report: TransmitReport, now: int) -> None:
+    def _fragment_reported(
+        self, sending: Sending, asks: bool, report: TransmitReport, now: int
+    ) -> None:
         assert self._timing is not None
-        self._outgoing.transmitted(sending, report.finished_at, self._timing)
+        self._outgoing.transmitted(sending, report.finished_at, self._timing, asks=asks)
 
     def _bulk_reported(
         self, sending: Sending, outgoing: BulkObject, index: int, report: TransmitReport, now: int

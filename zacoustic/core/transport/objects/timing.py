@@ -30,9 +30,17 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
     """Length of a pause between runs on the bulk service."""
     senses_carrier: bool = True
     """Whether two nodes that start at once hear each other, except within a propagation delay."""
+    longest_answer_ns: int | None = None
+    """Bound of what is learnt of the time until an answer; None: many listen windows."""
 
     @classmethod
-    def of(cls, capabilities: LinkCapabilities, envelope_bytes: int, pause_ns: int) -> "Timing":
+    def of(
+        cls,
+        capabilities: LinkCapabilities,
+        envelope_bytes: int,
+        pause_ns: int,
+        longest_answer_ns: int | None = None,
+    ) -> "Timing":
         """Derive the durations from a link, given the bytes that the envelope adds to a frame."""
         feedback_bytes = min(capabilities.mtu_bytes, FEEDBACK_BYTES + envelope_bytes)
         return cls(
@@ -46,6 +54,7 @@ class Timing(msgspec.Struct, frozen=True, kw_only=True):
             + capabilities.airtime_ns(capabilities.mtu_bytes // 2)
             + BULK_PAUSE_MARGIN_NS,
             senses_carrier=capabilities.senses_carrier,
+            longest_answer_ns=longest_answer_ns,
         )
 
     @property

@@ -13,7 +13,6 @@ SUBSCRIBE_LANE = 0
 ANSWER_LANE = 1
 SUBSCRIBE_QOS = Qos(priority=Priority.INTERACTIVE_HIGH)
 """A person may be waiting for the samples that a subscribe message asks for."""
-VERSIONS = 256
 
 
 class _Message:
@@ -48,10 +47,9 @@ class _Message:
             self.bits,
         )
 
-    @property
-    def next_version(self) -> int:
-        """The version of the next message."""
-        return 1 if self.said_version is None else (self.said_version + 1) % VERSIONS
+    def next_version(self, versions: int) -> int:
+        """Return the version of the next message, of so many versions."""
+        return 1 if self.said_version is None else (self.said_version + 1) % versions
 
 
 class Own:
@@ -60,9 +58,11 @@ class Own:
     Args:
         repeater: Repeats subscribe messages.
         handshake: Knows the boot epochs of other nodes.
+        versions: How many versions messages have.
     """
 
-    def __init__(self, repeater: Repeater, handshake: Handshake) -> None:
+    def __init__(self, repeater: Repeater, handshake: Handshake, versions: int) -> None:
+        self._versions = versions
         self._repeater = repeater
         self._handshake = handshake
         self._wanted: dict[int, frozenset[int]] = {}
@@ -106,7 +106,7 @@ class Own:
             return
         if message.is_known and now < message.known_at + self._handshake.settling_ns:
             return  # the sample was sent before the node knew
-        self._say(key, message, message.next_version, now)
+        self._say(key, message, message.next_version(self._versions), now)
 
     def publisher_restarted(self, source: int, now: int) -> None:
         """Send the subscriptions again to a node whose new epoch may have forgotten them."""
@@ -134,7 +134,7 @@ class Own:
             return
         page = next(page for (node, page), each in self._messages.items() if each is message)
         self._stop(message, message.repetition, now, answered=True)
-        self._say((source, page), message, message.version, now)
+        self._say((source, page), message, message.version, now, proves=True)
 
     def _write(self, source: int, page: int, now: int) -> None:
         """Bring the message to a node up to date."""
@@ -153,9 +153,17 @@ class Own:
             self._stop(message, message.repetition, now)
         message.bits = bits
         if not message.is_known and (bits or message.said_version is not None):
-            self._say(key, message, message.next_version, now)
+            self._say(key, message, message.next_version(self._versions), now)
 
-    def _say(self, key: tuple[int, int], message: _Message, version: int, now: int) -> None:
+    def _say(
+        self,
+        key: tuple[int, int],
+        message: _Message,
+        version: int,
+        now: int,
+        *,
+        proves: bool = False,
+    ) -> None:
         source, page = key
         message.version = version
         message.heard = self._handshake.heard_epoch(source)
@@ -170,7 +178,9 @@ class Own:
             queued_at=now,
         )
         lane = (NO_STREAM, SUBSCRIBE_LANE, source, page)
-        message.repetition = self._repeater.start(lane, record, SUBSCRIBE_QOS, until=None)
+        message.repetition = self._repeater.start(
+            lane, record, SUBSCRIBE_QOS, until=None, proves=proves
+        )
 
     def _stop(
         self, message: _Message, repetition: Repetition, now: int, *, answered: bool = False

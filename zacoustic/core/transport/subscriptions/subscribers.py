@@ -4,20 +4,20 @@ from collections.abc import Callable, Mapping, Set
 from functools import partial
 from typing import Final
 
-from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.signals import Signal
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.subscriptions.own import VERSIONS
+from zacoustic.core.transport.exchanges.repeating import UNPROVED_S
 from zacoustic.core.wire.subscriptions import Subscribe, page_of, streams_of
 
 _KEY: Final = "demand"
 """Keys in the journal are ``demand/PEER/PAGE``; the value is epoch (2), version (1), streams (1)
 and the digest of the table with which the message was read (4)."""
 _KEPT_BYTES: Final = 8
-UNPROVED_NS: Final = 600 * NS_PER_S
+_UNPROVED_NS: Final = seconds_to_ns(UNPROVED_S)
 """How long a subscription holds that anybody may have forged, ns."""
 
 
@@ -53,6 +53,7 @@ class Subscribers:
         self._address = context.address
         self._table = context.table
         self._handshake = context.handshake
+        self._versions = context.sizes.versions
         self._journal = context.journal
         self.changed = Signal[Stream, Set[int], int]()
         """``(topic, newcomers, now)``: the subscribers of a topic have changed."""
@@ -159,7 +160,7 @@ class Subscribers:
             return "stale_subscribe"
         self._unproved[place] = _Held(life, message.version, message.streams, now)
         key = (Due.SUBSCRIBER, source, message.page)
-        self._timers.at(key, now + UNPROVED_NS, partial(self._end_unproved, *place))
+        self._timers.at(key, now + _UNPROVED_NS, partial(self._end_unproved, *place))
         self._answer(source, message, now)
         for stream_id in set(streams_of(message.page, message.streams)) & readable:
             self._add(source, stream_id, now)
@@ -197,7 +198,7 @@ class Subscribers:
             return False
         if now >= held.read_at + self._handshake.settling_ns:
             return False  # an earlier message would have arrived by now
-        return (version - held.version) % VERSIONS > VERSIONS // 2
+        return (version - held.version) % self._versions > self._versions // 2
 
     def _is_of_use(self, source: int, page: int) -> bool:
         """Return whether a node may subscribe here to any stream of a page."""

@@ -56,7 +56,7 @@ class Subscriptions:
         self._queue = context.queue
         self._emit: Callable[[SubscribersChanged | DeliveryEnded], None] = context.emit
         self._handshake = context.handshake
-        self._own = Own(repeater, context.handshake)
+        self._own = Own(repeater, context.handshake, context.sizes.versions)
         self._subscribers = Subscribers(context, self._answer)
         self.changed = self._subscribers.changed
         """``(topic, newcomers, now)``: the subscribers of a topic have changed."""

@@ -37,10 +37,14 @@ _MOST_IN_THE_DARK: Final = 6
 """How many extra copies are sent while a run is heard whose pauses are not known."""
 _COPIES_BESIDE_A_SOUND: Final = 3
 """How often a sample is sent if only a sound is heard, which a run may begin with."""
+_COPIES_IN_CROWD: Final = 12
+"""How often a sample is sent where a node may be in a run that cannot be heard out."""
+_DRAWN_PARTS: Final = (0.3, 1.2)
+"""In parts of a round trip, the pauses between these copies."""
 _MOST_KEYS: Final = 1024
 """For how many keys, the latest ones, the received numbers are remembered."""
 _MOST_NUMBERS: Final = 8
-_COPIES_SHARE: Final = 0.03
+_COPIES_SHARE: Final = 0.05
 """Share of the time that copies may take; that of ten minutes can be saved up."""
 COPIED_NS: Final = 30 * NS_PER_S
 """How long after its publication copies of a sample are sent at most, ns."""
@@ -54,13 +58,15 @@ class _Copied:
         "was_sent",
     )  # fmt: skip
 
-    def __init__(self, key: LaneKey, record: Waiting, qos: Qos, copies: int, ends_at: int) -> None:
+    def __init__(
+        self, key: LaneKey, record: Waiting, qos: Qos, copies: int, in_the_dark: int, ends_at: int
+    ) -> None:
         self.key = key
         self.record = record
         self.qos = qos
         self.ends_at = ends_at
         self.copies_left = copies
-        self.in_the_dark = _MOST_IN_THE_DARK if copies > _COPIES_BESIDE_A_SOUND else 0
+        self.in_the_dark = in_the_dark
         self.was_sent = False
         self.is_on_air = False
         self.due_at: int | None = None
@@ -79,6 +85,7 @@ class CopiedSamples:
         self._queue = context.queue
         self._handshake = context.handshake
         context.peers.forgotten.connect(self.peer_forgotten)
+        self._rng = context.generators.of("copies")
         self._times: LinkTimes | None = None
         self._account = AirtimeAccount(_COPIES_SHARE)
         self._next_number = 0
@@ -168,13 +175,13 @@ class CopiedSamples:
 
     def _copy(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> bool:
         """Copy a sample that has not been sent yet; False: it is sent once."""
-        copies = self._copies(record, now)
+        copies, in_the_dark = self._copies(record, now)
         if copies == 1:
             return False
         record.sync = Sync(self._handshake.epoch, self._next_number).encode()
         self._next_number += 1
         record.dense_value = None
-        each = _Copied(key, record, qos, copies, record.queued_at + COPIED_NS)
+        each = _Copied(key, record, qos, copies, in_the_dark, record.queued_at + COPIED_NS)
         self._copied[id(record)] = each
         record.part = Part(
             transmitted=partial(self._transmitted, each),
@@ -182,25 +189,26 @@ class CopiedSamples:
         )
         return True
 
-    def _copies(self, record: Waiting, now: int) -> int:
-        """Return how often a sample of priority `real_time` is sent."""
+    def _copies(self, record: Waiting, now: int) -> tuple[int, int]:
+        """Return how often a sample of priority `real_time` is sent.
+
+        Returns:
+            How often in all, and how often more while a run is heard whose pauses are not known.
+        """
         if self._times is None:
-            return 1
+            return 1, 0
         listening, largest_bytes = self._times.listening, self._queue.largest_bytes
         size_bytes = record.size_bytes + SYNC_BYTES
-        if listening is None:
-            return 1
-        hears_run = listening.hears_run(now)
-        if not (hears_run or listening.hears_sound):
-            return 1
-        if self._account.even_at(now) > now:
-            return 1
+        if listening is None or self._account.even_at(now) > now:
+            return 1, 0
         if largest_bytes is not None and size_bytes > largest_bytes:
-            return 1
-        if not hears_run:
-            return _COPIES_BESIDE_A_SOUND
-        detour_ns = listening.detour_ns(record.destination, now)
-        return _ROWS * _in_row(record, self._times, detour_ns)
+            return 1, 0
+        if listening.is_beside_others(now):
+            return _COPIES_IN_CROWD, 0
+        if listening.hears_run(now):
+            detour_ns = listening.detour_ns(record.destination, now)
+            return _ROWS * _in_row(record, self._times, detour_ns), _MOST_IN_THE_DARK
+        return (_COPIES_BESIDE_A_SOUND if listening.hears_sound else 1), 0
 
     def _transmitted(self, each: _Copied, now: int) -> None:
         each.is_on_air = True
@@ -235,7 +243,13 @@ class CopiedSamples:
             self._queue.push(each.key, record, each.qos)
             return
         record.copies = 0
-        each.due_at = invited_at or at + self._times.first_round_trip_ns
+        each.due_at = invited_at or at + self._pause_ns(self._times)
+
+    def _pause_ns(self, times: LinkTimes) -> int:
+        """Return the pause between two rows of copies, ns; drawn where several nodes are."""
+        is_crowd = times.listening is not None and times.listening.is_crowd
+        parts = self._rng.uniform(*_DRAWN_PARTS) if is_crowd else 1
+        return round(parts * times.first_round_trip_ns)
 
     def _end(self, copied: _Copied) -> None:
         del self._copied[id(copied.record)]

@@ -28,7 +28,7 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import Any, Final
 
 from zacoustic.core.base.linktypes import BROADCAST
-from zacoustic.core.peers.handshake import SETTLING_UNITS
+from zacoustic.core.peers.handshake import latest_ns
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import Waiting
@@ -207,8 +207,7 @@ class DenseStreams:
     @property
     def _latest_ns(self) -> int:
         """The longest time from the start of a block's transmission to its arrival, ns."""
-        settling_ns = self._handshake.settling_ns
-        return settling_ns + settling_ns // SETTLING_UNITS
+        return latest_ns(self._handshake.settling_ns)
 
     def _streams_of(self, source: int) -> list[Stream]:
         return [

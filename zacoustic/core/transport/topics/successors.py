@@ -23,6 +23,7 @@ from zacoustic.core.schedule.queue import RELIABLE_LANE
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome, DeliveryStored
+from zacoustic.core.transport.outcomes import Outcomes
 from zacoustic.core.transport.publication import EncodedSample
 from zacoustic.core.transport.reliable.sending.keeping import OTHER_STREAM
 from zacoustic.errors import LocalError, QueueFullError
@@ -66,6 +67,7 @@ class Successors:
         is_numbered: Returns whether a sample with this delivery id has a number.
         publish: Publishes a sample under a delivery id.
         emit: Takes the events of those that end before.
+        outcomes: Tells the ends of those that are journalled.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class Successors:
         is_numbered: Callable[[int], bool],
         publish: Callable[[Stream, Successor, int], None],
         emit: Callable[[DeliveryEnded | DeliveryStored], None],
+        outcomes: Outcomes,
     ) -> None:
         self._table = context.table
         self._queue = context.queue
@@ -86,6 +89,7 @@ class Successors:
         self._is_numbered = is_numbered
         self._publish = publish
         self._emit: Callable[[Any], None] = emit
+        self._outcomes = outcomes
         self._waiting: dict[Key, list[Successor]] = {}
         self._large_at: dict[Key, int] = {}
         """When the last large sample of a key began, of those with a minimum interval."""
@@ -111,13 +115,15 @@ class Successors:
                 delivery_id=int(delivery_id), sample=sample, is_delete=kept.is_delete, is_large=True
             )
             stream = self._table.get(int(stream_id))
-            if self._is_numbered(successor.delivery_id):
+            has_ended = self._outcomes.has(successor.delivery_id)
+            if has_ended or self._is_numbered(successor.delivery_id):
                 self._journal.write(name, None)  # the power was cut between the two writes
                 continue
             if stream is None or stream.digest != kept.digest:
-                self._journal.write(name, None)
                 outcome = DeliveryOutcome.CANCELLED
-                self._emit(_ended(int(stream_id), successor, outcome, 0, OTHER_STREAM))
+                ended = _ended(int(stream_id), successor, outcome, 0, OTHER_STREAM)
+                self._outcomes.tell(ended, is_dated=False)
+                self._journal.write(name, None)
                 continue
             self._waiting.setdefault((stream.stream_id, kept.instance), []).append(successor)
 
@@ -260,7 +266,7 @@ class Successors:
                     self._publish(stream, successor, now)
                 except LocalError as error:
                     outcome, why = DeliveryOutcome.CANCELLED, str(error.args[0])
-                    self._emit(_ended(stream.stream_id, successor, outcome, now, why))
+                    self._tell(stream, successor, outcome, now, why)
                 self._forget(stream, successor)
         self._drop_empty()
         self.changed()
@@ -278,8 +284,22 @@ class Successors:
     ) -> None:
         waiting.remove(successor)
         self._told_stored.discard(successor.delivery_id)
+        self._tell(stream, successor, outcome, now)
         self._forget(stream, successor)
-        self._emit(_ended(stream.stream_id, successor, outcome, now))
+
+    def _tell(
+        self,
+        stream: Stream,
+        successor: Successor,
+        outcome: DeliveryOutcome,
+        now: int,
+        why: str = "",
+    ) -> None:
+        ended = _ended(stream.stream_id, successor, outcome, now, why)
+        if stream.journals_sent:
+            self._outcomes.tell(ended)
+        else:
+            self._emit(ended)
 
     def _forget(self, stream: Stream, successor: Successor) -> None:
         if stream.journals_sent:

@@ -28,6 +28,7 @@ from zacoustic.core.transport.objects.large import LargeSamples
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
+from zacoustic.core.transport.outcomes import Outcomes
 from zacoustic.core.transport.publication import EncodedSample, Publication, encode_sample
 from zacoustic.core.transport.reliable.receiving.receiving import Arrival, ReliableReceiving
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
@@ -77,7 +78,8 @@ class Topics:
         self._deliver = deadlines.hand_on
         self.dense = DenseStreams(context, subscriptions)
         """Dense blocks."""
-        self.sending = ReliableSending(context, subscriptions, self._told)
+        self.outcomes = Outcomes(context.journal, self._told)
+        self.sending = ReliableSending(context, subscriptions, self._told, self.outcomes)
         """Reliable samples that this node sends."""
         self.receiving = ReliableReceiving(context, self._hand_on)
         """Reliable samples that this node receives."""
@@ -92,6 +94,7 @@ class Topics:
             self.sending.is_delivering,
             self._publish_successor,
             self._told,
+            self.outcomes,
         )
         """Samples that wait for a large one of their key."""
         self.copied = CopiedSamples(context)
@@ -106,6 +109,7 @@ class Topics:
                 self.sending.next_delivery_id,
                 self._offer,
                 self.large.cancel,
+                self.outcomes,
             )
         context.reception.on_records(TopicSpec, self.receive, self.receive_ack)
         context.reception.on(DenseBlock, self.receive_block)
@@ -115,6 +119,7 @@ class Topics:
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore the samples that the journal has."""
+        self.outcomes.recover(stored)
         self.sending.recover(stored)
         self.receiving.recover(stored)
         self.large.recover(stored)
@@ -198,7 +203,9 @@ class Topics:
     def is_delivering(self, delivery_id: int) -> bool:
         """Return whether a reliable sample has not ended."""
         is_carried = self.carrying is not None and self.carrying.is_delivering(delivery_id)
-        is_waiting = is_carried or self.successors.has(delivery_id)
+        is_waiting = (
+            is_carried or self.successors.has(delivery_id) or self.outcomes.has(delivery_id)
+        )
         return is_waiting or self.sending.is_delivering(delivery_id)
 
     def _hand_on(self, sample: SampleReceived, now: int) -> None:
@@ -218,6 +225,7 @@ class Topics:
             self._emit(event)
         elif isinstance(event, DeliveryEnded):
             self.carrying.told(event)
+            self.outcomes.taken(event.delivery_id)
 
     def _offer(self, receiver: int, message: bytes, now: int) -> int:
         """Publish a message of the carried topics to a node; return its delivery id."""
@@ -307,6 +315,8 @@ class Topics:
             if not content:
                 return "payload"
             age_s, content = decode_age_s(content[0]), content[_AGE_BYTES:]
+        if prefixes.delete and content:
+            return "payload"
         try:
             stream.keys.key(source, instance)
             value = None if prefixes.delete else stream.codec.decode(content)

@@ -1,31 +1,35 @@
 """The health report for Prometheus: the same documents as metrics, and a server for them.
 
-A scrape comes on a thread of the server, which asks the loop for the documents. Counters are those
-of the documents, so they start again with each start of the gateway, as Prometheus expects. The
-stream table, the addresses and the words of the code bound the labels.
+A scrape comes on the thread of the server (`run.web.front`), which asks the loop for the documents,
+at most once a second. Counters are those of the documents, so they start again with each start of
+the gateway, as Prometheus expects. The stream table, the addresses and the words of the code bound
+the labels.
 """
 
 import asyncio
-import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+import time
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from concurrent import futures
 from typing import TYPE_CHECKING, Any, Final
-from wsgiref.simple_server import WSGIServer
 
 import msgspec
-from prometheus_client import CollectorRegistry, start_http_server
+from prometheus_client import CollectorRegistry, make_asgi_app
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
 from prometheus_client.registry import Collector
 
+from zacoustic.core.base.clock import Clock, seconds_to_ns
 from zacoustic.core.engine.events import DeliveryOutcome
 from zacoustic.link.serving import cannot_listen, place_name
 from zacoustic.run.inbox import tell_loop
+from zacoustic.run.web.front import Front
 
 if TYPE_CHECKING:
     Documents = Mapping[str, Any]
 
 ANSWER_LIMIT_S: Final = 5.0
 """How long a scrape waits for the loop, s."""
+FRESH_NS: Final = seconds_to_ns(1.0)
+"""Age up to which an answer is given again: no visitor keeps the loop busy."""
 _REACHES: Final = {"up": 1.0, "doubt": 0.5, "down": 0.0}
 _OUTCOMES: Final = tuple(outcome.value for outcome in DeliveryOutcome)
 
@@ -37,20 +41,25 @@ class MetricsServer:
         host: Host to listen at.
         port: Port to listen at; 0: any free one.
         documents: Returns the documents of the health report; called on the loop.
+        names: Names under which Prometheus finds it, besides this computer's own.
     """
 
-    def __init__(self, host: str, port: int, documents: Callable[[], dict[str, object]]) -> None:
-        self._host = host
-        self._port = port
-        self._registry = CollectorRegistry(auto_describe=False)
-        self._registry.register(_HealthCollector(documents, asyncio.get_running_loop()))
-        self._server: WSGIServer | None = None
-        self._thread: threading.Thread | None = None
+    def __init__(
+        self,
+        host: str,
+        port: int,
+        documents: Callable[[], dict[str, object]],
+        names: Collection[str] = (),
+    ) -> None:
+        registry = CollectorRegistry(auto_describe=False)
+        registry.register(_HealthCollector(documents, asyncio.get_running_loop()))
+        application = make_asgi_app(registry)
+        self._front = Front(application, host, port, names=names, hint="the key metrics_names")
 
     @property
     def url(self) -> str:
         """URL of the metrics."""
-        return f"http://{place_name(self._host, self._port)}/metrics"
+        return f"http://{place_name(self._front.host, self._front.port)}/metrics"
 
     async def open(self) -> None:
         """Start to listen.
@@ -59,35 +68,38 @@ class MetricsServer:
             LinkOpenError: It cannot listen there.
         """
         try:
-            server, self._thread = await asyncio.to_thread(
-                start_http_server, self._port, self._host, self._registry
-            )
+            await self._front.open()
         except OSError as error:
             rival = "another gateway with the same metrics"
-            raise cannot_listen(self._host, self._port, error, rival=rival) from error
-        self._server = server
-        self._port = server.server_port
+            raise cannot_listen(self._front.host, self._front.port, error, rival=rival) from error
 
     async def close(self) -> None:
         """Stop to listen. May be called again."""
-        server, self._server = self._server, None
-        if server is not None and self._thread is not None:
-            await asyncio.to_thread(server.shutdown)
-            await asyncio.to_thread(server.server_close)
-            await asyncio.to_thread(self._thread.join)
+        await self._front.close()
 
 
 class _HealthCollector(Collector):
-    """Asks the loop for the documents whenever Prometheus asks."""
+    """Asks the loop for the documents when Prometheus asks."""
 
     def __init__(
-        self, documents: Callable[[], dict[str, object]], loop: asyncio.AbstractEventLoop
+        self,
+        documents: Callable[[], dict[str, object]],
+        loop: asyncio.AbstractEventLoop,
+        clock: Clock = time.monotonic_ns,
     ) -> None:
         self._documents = documents
         self._loop = loop
+        self._clock = clock
+        self._last: tuple[int, list[Metric]] | None = None
 
     def collect(self) -> Iterable[Metric]:
         """Return the current metrics; on the server's thread."""
+        if self._last is None or self._clock() - self._last[0] >= FRESH_NS:
+            metrics = self._ask()
+            self._last = (self._clock(), metrics)
+        return self._last[1]
+
+    def _ask(self) -> list[Metric]:
         answer: futures.Future[dict[str, Any]] = futures.Future()
 
         def ask() -> None:

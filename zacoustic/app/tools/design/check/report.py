@@ -16,6 +16,7 @@ import msgspec
 from zacoustic.app.tools.crossing import IN_PARTS, crosses_in_parts, room_bytes
 from zacoustic.app.tools.design.check import desert
 from zacoustic.app.tools.design.check.bits import SampleBits, sample_bits
+from zacoustic.app.tools.design.sharenote import capabilities_like, share_notes
 from zacoustic.channel.profiles import DEFAULT_PROFILE, ModemProfile, profile_named
 from zacoustic.config import Config
 from zacoustic.config.ros import RosConfig
@@ -23,6 +24,8 @@ from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.bond.spec import Bond, BondLink
+from zacoustic.core.peers.agreementpolicy import TAGS_FROM_NODES, AgreementMethod
+from zacoustic.core.profiles.rules import LinkRules
 from zacoustic.core.relay.flood import FLOOD_NAME
 from zacoustic.core.schedule.access import (
     AutoSpec,
@@ -172,6 +175,13 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
             profile = _like(profile, built[0])
         elif built and not links[0].error:
             unsaid = f"{links[0].locator} reports its bit rate when it is open"
+    unbounded_bytes = profile.mtu_bytes
+    if not on_desert:
+        profile = _bounded(profile, config.rules.of_links[0].max_frame_s)
+        links = tuple(
+            msgspec.structs.replace(row, mtu_bytes=_bounded_bytes(each.capabilities, own))
+            for row, each, own in zip(links, built, config.rules.of_links, strict=False)
+        )
     rows = tuple(
         row for stream in config.table for row in _rows(stream, profile, config.typical_bits)
     )
@@ -195,7 +205,10 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
         forgotten="" if config.journal else forgotten(config.table, config.address),
         unsaid=unsaid,
         lost_contact=tuple(_lost_contact(config)),
-        notes=tuple(_notes(config, links, rows, profile)),
+        notes=(
+            *(() if on_desert else _channel_notes(config, built, profile, unbounded_bytes)),
+            *_notes(config, links, rows, profile),
+        ),
         misfits=() if on_desert else tuple(_misfits(config, rows, profile)),
     )
 
@@ -302,6 +315,35 @@ def _like(profile: ModemProfile, built: _Built) -> ModemProfile:
     )
 
 
+def _bounded(profile: ModemProfile, max_frame_s: float | None) -> ModemProfile:
+    """Return a profile whose frames have the airtime that the node allows."""
+    if max_frame_s is None:
+        return profile
+    mtu_bytes = capabilities_like(profile).bounded(max_frame_s).mtu_bytes
+    return msgspec.structs.replace(profile, mtu_bytes=mtu_bytes)
+
+
+def _bounded_bytes(capabilities: LinkCapabilities | None, own: LinkRules) -> int | None:
+    if capabilities is None or own.max_frame_s is None:
+        return None if capabilities is None else capabilities.mtu_bytes
+    return capabilities.bounded(own.max_frame_s).mtu_bytes
+
+
+def _channel_notes(
+    config: Config, built: Sequence[_Built], profile: ModemProfile, unbounded_bytes: int
+) -> Iterator[str]:
+    """Say what bounds a frame, and what this node leaves free for others."""
+    own = config.rules.of_links[0]
+    if profile.mtu_bytes < unbounded_bytes:
+        yield (
+            f"frames have at most {profile.mtu_bytes} of {unbounded_bytes} bytes, which take "
+            f"{profile.airtime_s(profile.mtu_bytes):.1f} s: max_frame_s is {own.max_frame_s:g}"
+        )
+    capabilities = built[0].capabilities if built else None
+    known = capabilities or capabilities_like(profile)
+    yield from share_notes(known, own, len(config.nodes))
+
+
 def _build(locator: str, address: int) -> _Built:
     """Create the link without opening it, to check its package and its settings."""
     shown = without_secrets(locator)
@@ -336,6 +378,7 @@ def _notes(
         yield "no streams: nothing crosses the channel"
     if config.journal is not None and not _is_writable(config.journal):
         yield f"journal: this user cannot write {config.journal}: the node would not start"
+    yield from _agreement_notes(config)
     yield from _access_notes(config, profile)
     yield from _route_notes(config)
     yield from _bond_notes(config)
@@ -558,26 +601,34 @@ def _access(config: Config, profile: ModemProfile, built: Sequence[_Built]) -> s
         return ""
     capabilities = built[0].capabilities if built else None
     like = f" with a modem like {profile.name}" if capabilities is None else ""
-    method, why = choice(access, capabilities or _capabilities(profile), config.address)
+    method, why = choice(access, capabilities or capabilities_like(profile), config.address)
     return f'access "auto" is {method}{like}: {why}'
 
 
-def _capabilities(profile: ModemProfile, *, controls_access: bool = False) -> LinkCapabilities:
-    return LinkCapabilities(
-        mtu_bytes=profile.mtu_bytes,
-        bit_rate_bps=profile.bit_rate_bps,
-        preamble_s=profile.preamble_s,
-        gap_s=profile.gap_s,
-        controls_access=controls_access,
-        senses_carrier=True,
+def _agreement_notes(config: Config) -> Iterator[str]:
+    """Ask for agreement by tags where many nodes would confirm each other's frames."""
+    nodes = len(config.nodes)
+    confirms = config.rules.agreement is AgreementMethod.CONFIRM and config.security is None
+    goes_to_all = any(
+        isinstance(stream.spec, TopicSpec)
+        and (stream.spec.subscribers is None or len(stream.spec.subscribers) > 1)
+        for stream in config.table
     )
+    if not (confirms and goes_to_all and nodes >= TAGS_FROM_NODES):
+        return
+    if config.table.wire is WireProfile.NATIVE:
+        yield (
+            f"agreement: {nodes} nodes confirm each other's frames by pairs, "
+            f"{nodes * (nodes - 1)} times after a start of all; add agreement: "
+            f'"{AgreementMethod.TAG.value}", better from {TAGS_FROM_NODES} nodes on'
+        )
 
 
 def _access_notes(config: Config, profile: ModemProfile) -> Iterator[str]:
     access = config.rules.access
     if access is None or isinstance(access, AutoSpec):
         return
-    capabilities = _capabilities(profile, controls_access=isinstance(access, DelegatedSpec))
+    capabilities = capabilities_like(profile, controls_access=isinstance(access, DelegatedSpec))
     try:
         choose(access, capabilities, config.address, random.Random(1))
     except ConfigError as error:

@@ -5,7 +5,7 @@ nothing else says it: they have no interval.
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 from zacoustic.app.tools.design.first.drafting import TopicDraft
@@ -18,29 +18,40 @@ APART_M: Final = 1000
 """Distance of the two sides, as a plan of a file alone has it, m."""
 
 
-def write_traffic(files: Files, *, here: Side, there: Side, config: str, profile: str) -> str:
+def write_traffic(
+    files: Files,
+    *,
+    here: Side,
+    there: Side,
+    others: Sequence[Side] = (),
+    config: str,
+    profile: str,
+) -> str:
     """Write a scenario with the traffic that was seen.
 
     Args:
         files: What was written of the same survey.
         here: The side that was listened to.
         there: The other side.
+        others: Further nodes of the fleet.
         config: Path of its file, as the scenario names it.
         profile: The modem.
     """
-    text = "\n".join(_lines(files, here, there, config, profile)) + "\n"
+    text = "\n".join(_lines(files, here, there, others, config, profile)) + "\n"
     whole: Any = parse_json5(text, source="the scenario")
     scenario_from_mapping(whole, source="the scenario")
     return text
 
 
-def _lines(files: Files, here: Side, there: Side, config: str, profile: str) -> Iterator[str]:
+def _lines(
+    files: Files, here: Side, there: Side, others: Sequence[Side], config: str, profile: str
+) -> Iterator[str]:
     yield "// What zacoustic config init has seen, for `zacoustic config plan` and `zacoustic sim`."
     yield "{"
     yield f"  config: {json_line(config)}, profile: {json_line(profile)},"
     yield '  channel: "none", // EDIT: "sea" has noise and losses'
     yield "  nodes: ["
-    for place_m, side in enumerate(sorted([here, there], key=lambda each: each.address)):
+    for place_m, side in enumerate(sorted([here, there, *others], key=lambda each: each.address)):
         place = f"position: [{place_m * APART_M}, 0, 10]"
         yield f"    {{ address: {side.address}, name: {json_line(side.name)}, {place} }},"
     yield "  ],"

@@ -24,6 +24,7 @@ from zacoustic.app.tools.design.first.survey import PAYLOAD_LIMIT_BYTES, SeenTop
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.config.json5 import parse_json5
+from zacoustic.core.peers.agreementpolicy import TAGS_FROM_NODES, AgreementMethod
 from zacoustic.core.streams.keys import fault_of_name
 from zacoustic.core.streams.specs import LAST_STREAM_ID
 from zacoustic.core.streams.table import Stream
@@ -84,6 +85,7 @@ class _Content(msgspec.Struct, frozen=True, kw_only=True):
     left_out: list[str]
     ros: RosNetwork | None
     peer_listen: str
+    others: tuple[Side, ...]
 
 
 def write_config(survey: Survey) -> tuple[str, Config]:
@@ -106,6 +108,7 @@ def write_files(
     there: Side = THERE,
     peer: Survey | None = None,
     peer_listen: str = "tcp/127.0.0.1:7447",
+    others: Sequence[Side] = (),
     profile: str = DEFAULT_PROFILE,
     choose: Callable[[Sequence[TopicDraft]], Sequence[TopicDraft]] = lambda drafts: drafts,
 ) -> Files:
@@ -117,6 +120,7 @@ def write_files(
         there: The other side.
         peer: What was observed on the other side; None: it was not listened to.
         peer_listen: Where the other side's router listens.
+        others: Further nodes of the fleet.
         profile: The modem.
         choose: Changes the drafts before they are written, as a user does who is asked.
 
@@ -125,6 +129,7 @@ def write_files(
     """
     modem = profile_named(profile)
     content = _content(survey, here, there, peer, peer_listen)
+    content = msgspec.structs.replace(content, others=tuple(others))
     config = _read(_own_text(content))  # without intervals: for the sizes
     sizes = [
         _largest_bytes(draft, config.table.by_id(stream_id), content.ros)
@@ -196,7 +201,7 @@ def _content(
         )
     return _Content(
         survey=survey, here=here, there=there, drafts=drafts, services=services,
-        left_out=left_out, ros=ros, peer_listen=peer_listen,
+        left_out=left_out, ros=ros, peer_listen=peer_listen, others=(),
     )  # fmt: skip
 
 
@@ -281,6 +286,20 @@ def _file(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> st
     return "\n".join(_lines(content, own, other, zenoh)) + "\n"
 
 
+def _node_lines(nodes: Sequence[Side]) -> Iterator[str]:
+    entries = [f"{{ address: {node.address}, name: {_text(node.name)} }}" for node in nodes]
+    wanted = f'agreement: "{AgreementMethod.TAG.value}"'
+    yield "    // Everybody who takes part, the same list in every file."
+    if len(nodes) < TAGS_FROM_NODES:
+        yield f"    // From {TAGS_FROM_NODES} nodes on, add `{wanted}`."
+        yield f"    nodes: [ {', '.join(entries)} ],"
+        return
+    yield "    nodes: ["
+    yield from (f"      {entry}," for entry in entries)
+    yield "    ],"
+    yield f"    {wanted}, // so many nodes do not confirm each other's frames by pairs"
+
+
 def _lines(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> Iterator[str]:
     survey = content.survey
     yield f"// Written by zacoustic config init after {survey.listened_s:g} s at {survey.endpoint}."
@@ -291,10 +310,7 @@ def _lines(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> I
     yield "  plugins: { acoustic: {"
     yield "    __required__: false,"
     yield f"    address: {own.address}, // acoustic address of this gateway, 1..254"
-    yield "    // Everybody who takes part, the same list in every file."
-    nodes = sorted([own, other], key=lambda side: side.address)
-    listed = ", ".join(f"{{ address: {n.address}, name: {_text(n.name)} }}" for n in nodes)
-    yield f"    nodes: [ {listed} ],"
+    yield from _node_lines(sorted([own, other, *content.others], key=lambda side: side.address))
     if own.locator is None:
         yield "    // EDIT: the modem; `zacoustic links` lists what is installed."
     yield f"    links: [ {{ locator: {_text(own.locator or DEFAULT_LINK)} }} ],"

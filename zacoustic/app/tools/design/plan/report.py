@@ -1,6 +1,6 @@
 """The result of a plan: airtime, latency and energy of the traffic, and whether it fits."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -19,8 +19,10 @@ from zacoustic.app.tools.design.plan.verdict import (
     walk,
 )
 from zacoustic.app.tools.design.plan.walk import Found
+from zacoustic.app.tools.design.sharenote import capabilities_like, share_notes
 from zacoustic.app.tools.design.sim.fleetrun import links_of
 from zacoustic.channel.profiles import ModemProfile, profile_named
+from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.errors import ConfigError
@@ -205,8 +207,15 @@ def plan(
         schedule=None
         if schedule is None
         else schedule_of(fleet, found.airtime_s, until_s, schedule),
-        notes=(*note_on(fleet.members), *fleet.notes, *_left_out(fleet)),
+        notes=(*note_on(fleet.members), *fleet.notes, *_left_out(fleet), *_share_notes(fleet)),
     )
+
+
+def _share_notes(fleet: Fleet) -> Iterator[str]:
+    """Say what each node leaves free for the others, if the first one does."""
+    own = next(iter(fleet.rules.values()), TransmitRules()).of_links[0]
+    capabilities = capabilities_like(profile_named(fleet.scenario.profile))
+    yield from share_notes(capabilities, own, len(fleet.nodes))
 
 
 def transmit_power_w(profile: ModemProfile) -> float:

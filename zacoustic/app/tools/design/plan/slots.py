@@ -13,9 +13,9 @@ from zacoustic.app.tools.design.schedule import (
     distance_of,
     make_schedule,
 )
+from zacoustic.app.tools.design.sharenote import capabilities_like
 from zacoustic.channel.profiles import profile_named
 from zacoustic.core.base.clock import NS_PER_S
-from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.schedule.access.spec import ScheduleSpec
 
 CLOCK_ERROR_S: Final = 0.01
@@ -66,12 +66,13 @@ def schedule_of(
         options: The settings.
     """
     profile = profile_named(fleet.scenario.profile)
-    capabilities = LinkCapabilities(
-        mtu_bytes=profile.mtu_bytes,
-        bit_rate_bps=profile.bit_rate_bps,
-        preamble_s=profile.preamble_s,
-        gap_s=profile.gap_s,
+    capabilities = capabilities_like(profile)
+    max_frame_s = max(
+        (each.max_frame_s for each in fleet.rules.values() if each.max_frame_s is not None),
+        default=None,
     )
+    if max_frame_s is not None:
+        capabilities = capabilities.bounded(max_frame_s)
     largest_s = capabilities.airtime_ns(capabilities.mtu_bytes) / NS_PER_S
     distance = _distance(fleet)
     frames = dict.fromkeys(fleet.nodes, 1)

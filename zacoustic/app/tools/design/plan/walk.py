@@ -24,7 +24,7 @@ from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.app.tools.design.sim.fleetrun import FleetRun
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.base.clock import NS_PER_S
-from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, RouteStats
+from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, TunnelStats
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.table import StreamTable
@@ -189,7 +189,7 @@ class Walk(Checker):
         assert self._run is not None
         for stats in self._run.network.stats_of(address):
             for name, each in stats.links.items():
-                if not isinstance(each, RouteStats):  # its frames are those of a link
+                if not isinstance(each, TunnelStats):  # its frames are those of a link
                     airtime_s = each.airtime_ns / NS_PER_S
                     before_s = self.found.link_airtime_s.get(name, 0.0)
                     self.found.link_airtime_s[name] = before_s + airtime_s

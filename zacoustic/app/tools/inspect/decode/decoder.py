@@ -19,7 +19,7 @@ from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.carry import CARRY_STREAM_ID
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTable
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.age import decode_age_s
@@ -321,6 +321,8 @@ class _Reader:
         stream = self._table.get(record.stream_id) if self._table is not None else None
         if stream is None:
             return _unread(record)
+        if record.prefixes != Prefixes() and not isinstance(stream.spec, TopicSpec):
+            return _unread(record)
         if isinstance(stream.spec, ServiceSpec):
             return _call(stream, stream.spec, record, self._source)
         if isinstance(stream.spec, ActionSpec):
@@ -343,6 +345,8 @@ class _Reader:
         if stream.stream_id == CARRY_STREAM_ID and self._table is not None:
             to = instance[0] if instance else 0
             return explain_carried(payload, head, self._table, self._source, to)
+        if prefixes.delete and payload:
+            return _unread(record)
         if prefixes.delete:
             return DecodedItem(
                 kind="delete", text=f"{head} deleted", stream_id=stream.stream_id, name=key
@@ -417,6 +421,8 @@ def _call(stream: Stream, spec: ServiceSpec, record: Record, source: int) -> Dec
         kind, life = CallKind(payload[0] >> 6), f"{life} of a life {payload[0] & 0x3F} mod 64"
         payload = payload[NAME_BYTES:]
     head = f"stream {stream.stream_id} {stream.name}, {kind.name.lower()} of call {number}{life}"
+    if kind is CallKind.CONFIRM and payload:
+        return _unread(record)
     if kind is CallKind.CONFIRM:
         return DecodedItem(
             kind="call_confirm", text=head, stream_id=stream.stream_id, name=stream.name

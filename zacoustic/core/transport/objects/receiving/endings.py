@@ -4,35 +4,58 @@ They are remembered while their numbers may be reused: so a late fragment is not
 object, and gets the same answer.
 """
 
-from typing import Final
-
-import msgspec
-
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.transport.objects.admission import AdmissionControl
 from zacoustic.core.transport.objects.receiving.replies import TransferKey
 from zacoustic.core.transport.objects.stored import StoredEnd, done_key
 from zacoustic.core.wire.objects import (
     CHECK_BYTES,
-    MOST_TRANSFERS,
     Complete,
+    Feedback,
     Fragment,
+    Headless,
     Reason,
     Refused,
 )
 
-_MOST_FORMER: Final = 4 * MOST_TRANSFERS
 
+class Refusal:
+    """An object that this node refuses.
 
-class Refusal(msgspec.Struct, frozen=True):
-    """An object that this node refuses."""
+    Its number may stand for a later object by now, of which the first fragments are lost. Until the
+    source has been told of the refusal, its fragments are those of the refused object; after that,
+    any but those with the manifest leave it in doubt, and the source is asked for the manifest.
 
-    reason: Reason
-    head: dict[int, bytes]
-    """The fragments with its manifest."""
-    unwanted_of: int = 0
-    """Its stream, if this node has not subscribed to it: the node is silent, but may subscribe
-    yet."""
+    Args:
+        reason: Why.
+        head: The fragments with its manifest, by index.
+        unwanted_of: Its stream, if this node has not subscribed to it: the node is silent, but may
+            subscribe yet.
+    """
+
+    __slots__ = ("_is_told", "head", "is_in_doubt", "reason", "unwanted_of")
+
+    def __init__(self, reason: Reason, head: dict[int, bytes], unwanted_of: int = 0) -> None:
+        self.reason = reason
+        self.head = head
+        self.unwanted_of = unwanted_of
+        self.is_in_doubt = False
+        """Whether the last fragment may be one of a later object."""
+        self._is_told = False
+
+    def takes(self, fragment: Fragment) -> bool:
+        """Return whether a fragment may be one of this object."""
+        known = self.head.get(fragment.index)
+        self.is_in_doubt = known is None and self._is_told
+        return known == fragment.data if known is not None else fragment.index != 0
+
+    def feedback(self, transfer: int) -> Refused | Headless:
+        """Return the feedback about it."""
+        return Headless(transfer, 0) if self.is_in_doubt else Refused(transfer, self.reason)
+
+    def told(self) -> None:
+        """Note that the feedback is transmitted."""
+        self._is_told = self._is_told or not self.is_in_doubt
 
 
 class Endings:
@@ -41,9 +64,11 @@ class Endings:
     Args:
         admission: Decides which objects are admitted.
         journal: Holds the delivered objects.
+        most: The most objects of each kind of end that are remembered.
     """
 
-    def __init__(self, admission: AdmissionControl, journal: JournalPort) -> None:
+    def __init__(self, admission: AdmissionControl, journal: JournalPort, most: int) -> None:
+        self._most = most
         self._admission = admission
         self._journal = journal
         self._ended: dict[TransferKey, StoredEnd] = {}
@@ -58,18 +83,22 @@ class Endings:
         """Add a delivered object; return whether the same one was delivered before."""
         self._ended[key] = end
         former = self._former.pop(key, None)
-        while len(self._ended) > _MOST_FORMER:
+        while len(self._ended) > self._most:
             oldest = next(iter(self._ended))
             del self._ended[oldest]
             self._journal.write(done_key(*oldest), None)
-        while len(self._former) > _MOST_FORMER:
+        while len(self._former) > self._most:
             del self._former[next(iter(self._former))]
         return former is not None and former.digest == end.digest
+
+    def reuse(self, key: TransferKey) -> None:
+        """Note that a number stands for another object now than the one that has ended."""
+        self._former[key] = self._ended.pop(key)
 
     def refuse(self, key: TransferKey, refusal: Refusal) -> None:
         """Add a refused object."""
         self._refused[key] = refusal
-        while len(self._refused) > _MOST_FORMER:
+        while len(self._refused) > self._most:
             del self._refused[next(iter(self._refused))]
 
     def forget(self, source: int) -> None:
@@ -97,14 +126,20 @@ class Endings:
         """Return whether a fragment belongs to an ended object; forget that one if not."""
         return self._is_of_handed_on(key, fragment) or self._is_of_refused(key, fragment)
 
-    def feedback(self, key: TransferKey) -> Complete | Refused | None:
+    def feedback(self, key: TransferKey) -> Feedback | None:
         """Return the feedback about an object that has ended, or None."""
         transfer = key[1]
         end = self._ended.get(key)
         if end is not None:
             return Complete(transfer, end.digest[:CHECK_BYTES])
         refusal = self._refused.get(key)
-        return Refused(transfer, refusal.reason) if refusal is not None else None
+        return refusal.feedback(transfer) if refusal is not None else None
+
+    def told(self, key: TransferKey) -> None:
+        """Note that the feedback about an object that has ended is transmitted."""
+        refusal = self._refused.get(key)
+        if refusal is not None and key not in self._ended:
+            refusal.told()
 
     # Below the methods above
 
@@ -117,18 +152,17 @@ class Endings:
             fragment.index >= len(head) or head[fragment.index] == fragment.data
         ):
             return True
-        # The number stands for another object now, or a frame was altered.
-        self._former[key] = self._ended.pop(key)
+        self.reuse(key)  # or a frame was altered
         return False
 
     def _is_of_refused(self, key: TransferKey, fragment: Fragment) -> bool:
         refusal = self._refused.get(key)
         if refusal is None:
             return False
-        known = refusal.head.get(fragment.index)
-        is_same = known == fragment.data if known is not None else fragment.index != 0
         unwanted_of = refusal.unwanted_of
-        if is_same and not (unwanted_of and self._admission.admit(key[0], unwanted_of).is_wanted):
+        if refusal.takes(fragment) and not (
+            unwanted_of and self._admission.admit(key[0], unwanted_of).is_wanted
+        ):
             return True
         # The number stands for another object now, or this one is wanted now.
         del self._refused[key]

@@ -27,7 +27,6 @@ from zacoustic.core.transport.objects.timing import Timing
 from zacoustic.core.transport.reliable.receiving.receiving import Claim
 from zacoustic.core.wire.objects import (
     CHECK_BYTES,
-    MOST_TRANSFERS,
     NO_FRAGMENT,
     WITHDRAWN,
     Feedback,
@@ -39,7 +38,6 @@ from zacoustic.core.wire.objects import (
 _GROUP_DIVISOR: Final = 40
 _LARGEST_GROUP: Final = 64
 _FIRST_GROUP: Final = 4
-_MOST_TOLD: Final = 4 * MOST_TRANSFERS
 
 
 class IncomingObjects:
@@ -51,6 +49,7 @@ class IncomingObjects:
         admission: Knows table and counts, and takes complete objects.
         emit: Takes progress events.
         journal: Holds what must survive a restart.
+        most_ended: The most ended objects that are remembered.
     """
 
     def __init__(
@@ -61,12 +60,14 @@ class IncomingObjects:
         admission: AdmissionControl,
         emit: Callable[[ObjectProgress], None],
         journal: JournalPort,
+        most_ended: int,
     ) -> None:
         self._admission = admission
         self._emit = emit
         self._journal = journal
         self._transfers = Transfers(limits)
-        self._endings = Endings(admission, journal)
+        self._endings = Endings(admission, journal, most_ended)
+        self._most_told = most_ended
         self._told: dict[TransferKey, Feedback] = {}
         self._losses: dict[int, float] = {}
         self._alone: set[TransferKey] = set()
@@ -106,14 +107,28 @@ class IncomingObjects:
         """Restore the end of an object that an earlier boot epoch delivered."""
         self._endings.restore((source, transfer), end)
 
+    def restored(self) -> None:
+        """Decide which object each number stands for, now that all entries are restored.
+
+        The end of an object stays in the journal until another one with its number has ended. So
+        fragments beside an end are either those of a later object, which has the number now, or
+        those of the object that has ended, which a boot epoch was about to deliver or to delete.
+        """
+        for key, state in list(self._transfers):
+            end, manifest = self._endings.end(key), state.incoming.manifest
+            if end is None:
+                continue
+            if manifest is None or manifest.digest != end.digest:
+                self._endings.reuse(key)
+            elif state.incoming.lacking:
+                self._drop(key)
+
     def link_up(self, now: int) -> None:
         """Deliver what an earlier boot epoch was about to deliver: the link is up."""
         for key, state in list(self._transfers):
             end, manifest = self._endings.end(key), state.incoming.manifest
-            if end is None or state.is_ending or manifest is None or state.incoming.lacking:
+            if end is None or manifest is None or state.is_ending:
                 continue
-            if manifest.digest != end.digest:
-                continue  # the number stands for another object now
             stream_digest = self._admission.admit(key[0], manifest.stream_id).stream_digest
             if end.stream_digest and end.stream_digest == stream_digest:
                 state.heard_at = now
@@ -204,10 +219,12 @@ class IncomingObjects:
                 continue
             self._replies.say(key)
             state = self._transfers.get(key)
+            if state is None:
+                self._endings.told(key)
             if self.lacks is not None and state is not None and state.incoming.lacking != 0:
                 self.lacks(key[0], now)
             self._told[key] = feedback
-            while len(self._told) > _MOST_TOLD:
+            while len(self._told) > self._most_told:
                 del self._told[next(iter(self._told))]
             return feedback, key
         return None

@@ -137,7 +137,9 @@ class BulkObject(OutgoingObject):
         self.ends_run = call is ListenHint.WINDOW
         self._asks = call is ListenHint.ANSWER
         self._under_way[index] += 1
-        return self._mark(index, call)
+        fragment = self._mark(index, call)
+        self.is_asking = False  # `bulk_at` waits for its report
+        return fragment
 
     def reported(self, index: int, report: TransmitReport, timing: Timing, silence_ns: int) -> bool:
         """Record the report of a fragment; return whether all that was under way was lost.

@@ -88,6 +88,8 @@ class OutgoingObject:
         """Fragments transmitted in this boot epoch."""
         self.listens = False
         """Whether a request is in transmission or not yet answered."""
+        self.is_asking = False
+        """Whether it is in transmission. A route takes many frames before it reports the first."""
         self.due_at = 0
         """Instant from which the next fragment may go, ns; while it listens, instant to stop
         listening."""
@@ -112,11 +114,15 @@ class OutgoingObject:
         return self.is_withdrawn or bool(self._lacking())
 
     def next_at(self, is_turn: Callable[[int], bool]) -> int | None:
-        """Return when a record of it may go, ns; None: all receivers await their turn.
+        """Return when a record of it may go, ns; None: that depends on an input.
+
+        All receivers await their turn, or a request is in transmission.
 
         Args:
             is_turn: Returns whether a receiver has everything before it that will ever come.
         """
+        if self.is_asking:
+            return None
         if self.listens or self.has_fragments:
             return self.due_at
         turns = [self.views[each].turn_at for each in self._holders(is_turn)]
@@ -132,7 +138,7 @@ class OutgoingObject:
     def withdraw(self, now: int) -> None:
         """Stop sending it, and inform the receivers."""
         self.is_withdrawn = True
-        self.listens = False
+        self.listens = self.is_asking = False
         self.due_at = now
         for view in self.views.values():
             view.unanswered = 0
@@ -168,6 +174,11 @@ class OutgoingObject:
         is_due = self.listens or not self._round
         return is_due and bool(self.transmitted) and not self._is_answered and bool(self._lacking())
 
+    @property
+    def is_heard(self) -> bool:
+        """Whether a receiver has answered, and the last request was not in vain."""
+        return self._is_answered
+
     def release(self, address: int, now: int) -> None:
         """Make due what waits for a receiver that is back."""
         view = self.views.get(address)
@@ -188,7 +199,7 @@ class OutgoingObject:
         """
         self._asked = self._waiting() if self.is_withdrawn else self._lacking()
         if self.is_withdrawn:
-            self.listens = True
+            self.listens = self.is_asking = True
             return Fragment(self.transfer, ListenHint.ANSWER, NO_FRAGMENT, WITHDRAWN)
         if not self._round:
             is_known = self._is_answered or (is_present and not self.is_unheard)
@@ -212,7 +223,7 @@ class OutgoingObject:
         for view in self.views.values():
             view.lacking.setdefault(block, layout.size(block))
             view.sent[block] = view.sent.get(block, 0) + 1
-        self.listens = call is ListenHint.ANSWER
+        self.listens = self.is_asking = call is ListenHint.ANSWER
         self.transmitted += 1
         return Fragment(self.transfer, call, index, self.fragments.fragment(index))
 
@@ -222,20 +233,26 @@ class OutgoingObject:
         view.turns += 1
         self.transmitted += 1
         self._asked = [view]
-        self.listens = True
+        self.listens = self.is_asking = True
         check = self.manifest.digest[:CHECK_BYTES]
         return Fragment(self.transfer, ListenHint.ANSWER, NO_FRAGMENT, check)
 
-    def transmitted_until(self, finished_at: int, timing: Timing, silence_ns: int) -> None:
-        """Record that the transmission of what was taken last has ended.
+    def transmitted_until(
+        self, finished_at: int, timing: Timing, silence_ns: int, *, asks: bool = True
+    ) -> None:
+        """Record that the transmission of a record has ended.
 
         Args:
             finished_at: End of the transmission, ns.
             timing: The durations.
             silence_ns: Least pause after a request that receivers do not answer, ns.
+            asks: It was a request.
         """
+        if asks:
+            self.is_asking = False
         if not self.listens:
             self.due_at = finished_at
+        if not (self.listens and asks):
             return
         self.asked_at = finished_at
         for view in self._asked:
@@ -246,7 +263,8 @@ class OutgoingObject:
         answers = _ANSWER_COPIES if alone else 2 * len(self.views) + 1
         listen_ns = timing.exchange_ns + (answers - 1) * timing.feedback_slot_ns
         self.listens_until = finished_at + listen_ns
-        self._patience_ns = min(self._patience_ns, listen_ns << _MOST_DOUBLINGS)
+        longest_ns = timing.longest_answer_ns or listen_ns << _MOST_DOUBLINGS
+        self._patience_ns = min(self._patience_ns, longest_ns)
         for view in self._asked:
             view.turn_at = finished_at + self._pause_ns(timing, listen_ns, view.turns, silence_ns)
             if view.unanswered > _PATIENT_QUESTIONS:
@@ -339,6 +357,15 @@ class OutgoingObject:
             self.due_at = now
             self._round.clear()
         return True
+
+    def standing(self, address: int) -> tuple[object, ...] | None:
+        """Return what shows whether a receiver gets on; None: it is no receiver."""
+        view = self.views.get(address)
+        if view is None:
+            return None
+        lacking = sum(each or 0 for each in view.lacking.values())
+        unknown = sum(each is None for each in view.lacking.values())
+        return view.is_finished, view.holds, view.headless, view.held, view.first, lacking, unknown
 
     def handed_on(self, address: int) -> bool:
         """Note that a receiver has delivered it; return False if that was known."""
@@ -484,7 +511,12 @@ class OutgoingObject:
         behind = self._behind(waiting) or [self.fragments.layout.blocks - 1]
         lacking = max(view.lacking.get(behind[-1]) or 1 for view in waiting)
         number = min(timing.run_frames, lacking)
-        if is_silent or min(view.unanswered for view in waiting) >= _PATIENT_QUESTIONS:
+        fewest = min(view.unanswered for view in waiting)
+        if is_silent or fewest >= _PATIENT_QUESTIONS:
+            # Who takes the number for an earlier object, and is silent about that one, learns its
+            # error from the manifest alone.
+            if fewest % 2 and (head := self._head()):
+                return iter([head[fewest // 2 % len(head)]])
             return iter(self._repairs(behind[-1], 1))
         head = self._head() if any(view.headless for view in waiting) else []
         number = max(number, _SHORTEST_ROUND - len(head))

@@ -7,6 +7,7 @@ from typing import Final, Protocol
 
 import msgspec
 
+from zacoustic.core.base.allowance import Allowance
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST, TransmitOutcome, TransmitReport
@@ -23,7 +24,7 @@ from zacoustic.core.transport.objects.sending.outgoing import OutgoingObject
 from zacoustic.core.transport.objects.sending.planning import LossEstimate
 from zacoustic.core.transport.objects.stored import StoredObject, StoredProgress, out_key, sent_key
 from zacoustic.core.transport.objects.timing import Timing
-from zacoustic.core.wire.objects import CHECK_BYTES, MOST_TRANSFERS, Feedback, Fragment
+from zacoustic.core.wire.objects import CHECK_BYTES, Feedback, Fragment
 from zacoustic.errors import PayloadTooLargeError, QueueFullError
 
 _EPOCH_STRIDE: Final = 23
@@ -52,6 +53,14 @@ class Sending(msgspec.Struct, kw_only=True):
     """Seeds below this number are journalled as sent."""
     told_bytes: int = 0
     """Bytes reported as transmitted."""
+    allowance: Allowance = msgspec.field(default_factory=Allowance)
+    """How many requests may still go in vain, while no receiver gets on with it."""
+    rounds: int = 0
+    """Requests since a receiver got on with it."""
+    heard_rounds: int = 0
+    """Those of them after which a receiver was heard."""
+    since: int = 0
+    """End of the first of them, ns."""
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -75,6 +84,12 @@ class Owner(Protocol):
         """Note that a receiver refuses an object, for a `Reason` or one of a later version."""
 
 
+_MOST_ROUNDS: Final = 12
+_MOST_VAIN_NS: Final = 3600 * NS_PER_S
+"""After so many requests without progress, after each of which a receiver was heard, and so long,
+an object that is not journalled ends: the samples behind it must not wait for ever."""
+_FEW_ROUNDS: Final = 6
+"""After so many, rounds are single fragments."""
 _LONGEST_CUT_NS: Final = 60 * NS_PER_S
 """After its device has dropped all that was under way an object pauses for so long at most, ns,
 unless its receiver is not heard."""
@@ -85,6 +100,7 @@ class OutgoingObjects:
 
     Args:
         epoch: Its boot epoch: successive epochs begin with different transfer numbers.
+        numbers: How many transfer numbers there are.
         most: The most objects at a time, waiting ones included.
         pacers: Decide when to repeat to the receivers.
         timers: Withdraw expired objects.
@@ -98,6 +114,7 @@ class OutgoingObjects:
         self,
         *,
         epoch: int,
+        numbers: int,
         most: int,
         pacers: Pacers,
         timers: Timers,
@@ -107,14 +124,14 @@ class OutgoingObjects:
         journal: JournalPort,
     ) -> None:
         self._sendings: dict[int, Sending] = {}
-        self._most = most
+        self._numbers, self._most = numbers, most
         self._pacers = pacers
         self._timers = timers
         self._rng = rng
         self._emit = emit
         self._owner = owner
         self._journal = journal
-        self._next_transfer = (epoch - 1) * _EPOCH_STRIDE % MOST_TRANSFERS
+        self._next_transfer = (epoch - 1) * _EPOCH_STRIDE % numbers
         self._losses: dict[int, LossEstimate] = {}
         self.held: dict[int, int] = {}
         """Instant before which no fragment of a stream goes, ns, by stream."""
@@ -207,10 +224,10 @@ class OutgoingObjects:
         sending.outgoing.resume(place.next_source, place.next_seed)
         sending.source_journalled, sending.seed_journalled = place.next_source, place.next_seed
 
-    def forget(self, transfer: int) -> None:
-        """Delete the journal entries of an object."""
+    def forget(self, transfer: int, then: Callable[[int], None] | None = None) -> None:
+        """Delete the journal entries of an object; `then` is called once that is safe."""
         self._journal.write(sent_key(transfer), None)
-        self._journal.write(out_key(transfer), None)
+        self._journal.write(out_key(transfer), None, then)
 
     def withdraw(self, object_id: int, state: ObjectState, detail: str, now: int) -> bool:
         """Withdraw an object; return False when it is not under way."""
@@ -326,6 +343,11 @@ class OutgoingObjects:
         if sending is None or at > now:
             return None
         outgoing = sending.outgoing
+        if self._is_stuck(sending, now):
+            names = ", ".join(map(str, outgoing.waiting))
+            detail = f"no progress in {sending.heard_rounds} requests, though heard: node {names}"
+            self._withdraw(sending, ObjectState.CANCELLED, detail, now)
+            return self.take(now, timing, frames_before_pause)
         if outgoing.listens:
             self._give_up_listening(outgoing, now)
             is_alone = all(self._pacers[each].is_silent for each in outgoing.waiting)
@@ -344,7 +366,8 @@ class OutgoingObjects:
                 timing,
                 window_follows=window_follows,
                 is_present=any(self._pacers.is_present(each, now) for each in lacking),
-                is_silent=bool(lacking) and all(self._pacers[each].is_silent for each in lacking),
+                is_silent=sending.rounds >= _FEW_ROUNDS
+                or (bool(lacking) and all(self._pacers[each].is_silent for each in lacking)),
             )
         self._keep_progress(sending)
         return sending, fragment
@@ -377,6 +400,8 @@ class OutgoingObjects:
     ) -> None:
         """Record the report of a fragment that went by the bulk service."""
         is_last_of_run = outgoing.ends_run
+        if outgoing.listens:
+            self._sent(outgoing, report.finished_at)
         is_in_vain = outgoing.reported(index, report, timing, self._silence_ns(sending))
         if self._sendings.get(outgoing.transfer) is not sending or sending.outgoing is not outgoing:
             return
@@ -415,12 +440,18 @@ class OutgoingObjects:
         begun = [each for each in going if each.outgoing.transmitted]
         return bool(begun) and min(begun, key=lambda each: each.rank).exclusive
 
-    def transmitted(self, sending: Sending, finished_at: int, timing: Timing) -> None:
-        """Record that the transmission of a fragment has ended."""
+    def transmitted(
+        self, sending: Sending, finished_at: int, timing: Timing, *, asks: bool
+    ) -> None:
+        """Record that the transmission of a fragment has ended; `asks`: it requests feedback."""
         outgoing = sending.outgoing
         if self._sendings.get(outgoing.transfer) is sending:
-            outgoing.transmitted_until(finished_at, timing, self._silence_ns(sending))
-            if outgoing.listens:
+            self._sent(outgoing, finished_at)
+            silence_ns = self._silence_ns(sending)
+            if asks:
+                silence_ns = max(silence_ns, self._asked(sending, finished_at))
+            outgoing.transmitted_until(finished_at, timing, silence_ns, asks=asks)
+            if outgoing.listens and asks:
                 for each in outgoing.waiting:
                     self._pacers[each].await_answer(finished_at, outgoing.due_at)
             if outgoing.sent_bytes > sending.told_bytes and not outgoing.is_withdrawn:
@@ -437,8 +468,15 @@ class OutgoingObjects:
     def answered(self, source: int, feedback: Feedback, now: int) -> bool:
         """Take a feedback; return False when it belongs to no object or is not new."""
         sending = self._sendings.get(feedback.transfer)
+        before = None if sending is None else sending.outgoing.standing(source)
         if sending is None or not sending.outgoing.answered(source, feedback, now):
             return False
+        if sending.outgoing.standing(source) != before:
+            sending.allowance.answered()
+            sending.rounds = 0
+        else:
+            pause_ns = sending.allowance.pause_ns(self._pacers.link_times.frames_each)
+            sending.outgoing.due_at = max(sending.outgoing.due_at, now + pause_ns)
         self._pacers.answered(source, now)
         self._pacers.await_nothing(source)
         view = sending.outgoing.views[source]
@@ -511,6 +549,7 @@ class OutgoingObjects:
         """Pause after all that was under way was lost; then go another way if need be."""
         address, times = outgoing.receiver, self._pacers.link_times
         pacer = self._pacers[address]
+        pacer.allowance.sent(report.finished_at, times.frames_each, is_first=False)
         pause_ns = pacer.pause_ns(times, 0, self._rng, sending.priority)
         if report.outcome is TransmitOutcome.ABORTED:
             # That was the own device, for an urgent message perhaps: as long as nobody answers that
@@ -531,7 +570,36 @@ class OutgoingObjects:
     def _released(self, address: int, now: int) -> None:
         """Make due what waits for a receiver."""
         for sending in self._sendings.values():
+            if address in sending.outgoing.views:
+                sending.allowance.grant()
             sending.outgoing.release(address, now)
+
+    def _sent(self, outgoing: OutgoingObject, at: int) -> None:
+        """Record the end of a frame that receivers may not answer, ns."""
+        if outgoing.listens or not outgoing.is_heard:
+            frames = self._pacers.link_times.frames_each
+            for each in outgoing.waiting:
+                is_first = not outgoing.views[each].unanswered
+                self._pacers[each].allowance.sent(at, frames, is_first=is_first)
+
+    def _asked(self, sending: Sending, at: int) -> int:
+        """Record the end of a request, ns; return the shortest pause if nobody gets on, ns."""
+        if not sending.rounds:
+            sending.since, sending.heard_rounds = at, 0
+        elif self._heard_at(sending.outgoing) > sending.outgoing.asked_at:
+            sending.heard_rounds += 1
+        sending.rounds += 1
+        frames = self._pacers.link_times.frames_each
+        sending.allowance.sent(at, frames, is_first=sending.rounds == 1)
+        return sending.allowance.pause_ns(frames)
+
+    def _is_stuck(self, sending: Sending, now: int) -> bool:
+        """Return whether an object ends because nobody gets on with it."""
+        is_vain = sending.heard_rounds >= _MOST_ROUNDS and now - sending.since >= _MOST_VAIN_NS
+        return is_vain and not (sending.keeps or sending.outgoing.is_withdrawn)
+
+    def _heard_at(self, outgoing: OutgoingObject) -> int:
+        return max(map(self._pacers.heard_at, outgoing.waiting), default=-1)
 
     def _ready_at(self, sending: Sending) -> int:
         """Return the earliest instant for an object that no receiver has answered, ns."""
@@ -578,9 +646,9 @@ class OutgoingObjects:
         if len(self._sendings) >= self._most:
             raise QueueFullError(f"{self._most} objects are on their way already")
         while self._next_transfer in self._sendings:
-            self._next_transfer = (self._next_transfer + 1) % MOST_TRANSFERS
+            self._next_transfer = (self._next_transfer + 1) % self._numbers
         transfer = self._next_transfer
-        self._next_transfer = (transfer + 1) % MOST_TRANSFERS
+        self._next_transfer = (transfer + 1) % self._numbers
         return transfer
 
     def _keep_progress(self, sending: Sending) -> None:

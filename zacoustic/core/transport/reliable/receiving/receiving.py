@@ -19,7 +19,7 @@ from zacoustic.core.transport.reliable.receiving.positions import LaneKey, Posit
 from zacoustic.core.transport.reliable.receiving.receivelane import ReceiveLane
 from zacoustic.core.transport.reliable.sending.slots import LEAST_ACK_BYTES, SequenceSlot
 from zacoustic.core.wire.frame import SYNC_BYTES, Control, Sync
-from zacoustic.core.wire.numbers import Ack, resolve, resolve_floor
+from zacoustic.core.wire.numbers import Ack, resolve_floor
 
 ACK_LANE: Final = 4
 ACK_HEAD_BYTES: Final = 3
@@ -97,6 +97,7 @@ class ReliableReceiving:
         self._rng = context.generators.of("receiving")
         self._emit = hand_on
         context.peers.forgotten.connect(self.peer_forgotten)
+        self._sizes = context.sizes
         self._lanes: dict[LaneKey, ReceiveLane] = {}
         self._left: list[LaneKey] = []
         """Lanes with samples that were about to be delivered before the restart."""
@@ -140,7 +141,7 @@ class ReliableReceiving:
             floor = resolve_floor(sync.floor, lane.expected)
             lane.settle(floor, stream.qos.depth)
             ready += lane.hand_on(floor)
-        number = resolve(arrival.low_number, lane.expected)
+        number = self._sizes.samples.resolve(arrival.low_number, lane.expected)
         if self._doubt.reason and (sync is not None or number < lane.doubtful_end):
             sample = msgspec.structs.replace(sample, again=True)
         answers = self._learn(lane, number, arrival)

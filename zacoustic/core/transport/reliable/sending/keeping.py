@@ -7,7 +7,6 @@ read by anybody, and are given up.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 from typing import Final
 
 import msgspec
@@ -15,6 +14,7 @@ import msgspec
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
+from zacoustic.core.transport.outcomes import Outcomes
 from zacoustic.core.transport.reliable.sending.sendlane import JournalledSample, Outgoing, SendLane
 from zacoustic.core.transport.reliable.spans import Span
 from zacoustic.errors import JournalUnavailableError
@@ -22,7 +22,7 @@ from zacoustic.errors import JournalUnavailableError
 _JOURNAL: Final = "out"
 OTHER_STREAM: Final = "the stream is defined in another way now"
 """Why a sample is given up: nobody could read it."""
-_NO_COUNT: Final = "the journal is damaged: the count of its stream is missing"
+NO_COUNT: Final = "the journal is damaged: the count of its stream is missing"
 """The same: nobody knows which numbers the receivers have seen."""
 
 
@@ -52,10 +52,12 @@ class Keeping:
 
     Args:
         journal: Holds the lanes.
+        outcomes: Tells the ends of samples.
     """
 
-    def __init__(self, journal: JournalPort) -> None:
+    def __init__(self, journal: JournalPort, outcomes: Outcomes) -> None:
         self._journal = journal
+        self._outcomes = outcomes
         self.highest_id = 0
         """The highest delivery id that was found in the journal."""
 
@@ -101,15 +103,14 @@ class Keeping:
         self,
         stored: Mapping[str, bytes],
         table: StreamTable,
-        emit: Callable[[DeliveryEnded], None],
     ) -> Iterator[JournalledLane]:
         """Yield the lanes from before the restart.
 
         Args:
             stored: The content of the journal.
             table: The streams as they are now.
-            emit: Takes the end of each sample that nobody can read any more, once it is deleted.
         """
+        self.highest_id = self._outcomes.highest_id
         numbers: dict[str, list[int]] = {}
         for key in stored:
             parts = key.split("/")
@@ -127,11 +128,16 @@ class Keeping:
                 for number in sorted(numbers[name])
             ]
             self.highest_id = max([self.highest_id, *(each.delivery_id for _, each in samples)])
+            for number, sample in samples:
+                if self._outcomes.has(sample.delivery_id):  # a crash came between the two writes
+                    self._journal.write(f"{name}/{number}", None)
+            samples = [each for each in samples if not self._outcomes.has(each[1].delivery_id)]
             if count is None or stream is None or stream.digest != count.digest:
-                why = _NO_COUNT if count is None else OTHER_STREAM
+                why = NO_COUNT if count is None else OTHER_STREAM
                 for number, sample in samples:
-                    ended = partial(given_up, int(stream_id), sample.delivery_id, why)
-                    self._give_up(f"{name}/{number}", ended, emit)
+                    ended = given_up(int(stream_id), sample.delivery_id, why, 0)
+                    self._outcomes.tell(ended, is_dated=False)
+                    self._journal.write(f"{name}/{number}", None)
                 if count is not None:
                     self._journal.write(name, None)
                 continue
@@ -143,14 +149,6 @@ class Keeping:
                 own=count.own,
                 samples=tuple(samples),
             )
-
-    def _give_up(
-        self,
-        key: str,
-        ended: Callable[[int], DeliveryEnded],
-        emit: Callable[[DeliveryEnded], None],
-    ) -> None:
-        self._journal.write(key, None, lambda at: emit(ended(at)))
 
 
 def given_up(stream_id: int, delivery_id: int, detail: str, now: int) -> DeliveryEnded:

@@ -2,7 +2,8 @@
 
 Repetitions to a node that does not answer become rare. For a topic with a deadline they do not
 become rarer than the deadline: one ends within each deadline, unless even a few answers take
-longer. So such a sample does not wait through a pause that other streams have agreed for the node.
+longer, or the node was silent for so long that nothing meets a deadline any more. So such a sample
+does not wait through a pause that other streams have agreed for the node.
 """
 
 import random
@@ -12,7 +13,14 @@ from zacoustic.core.base.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.schedule.copies import aimed_pause, follow, is_doubled, is_emergency, row_frames
+from zacoustic.core.schedule.copies import (
+    aimed_pause,
+    follow,
+    is_doubled,
+    is_emergency,
+    row_frames,
+    spread,
+)
 from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.timing import FEW_RECEIVERS, LinkTimes, Pacer, ack_slots
 from zacoustic.core.streams.table import StreamTable
@@ -85,37 +93,23 @@ class Pacing:
         times, timing, round_trip_ns = self.times, self.timing(source), now - sample.sent_at
         if times is None or sample.stage is not Stage.SENT or sample.marked:
             return sample.order
-        if sample.tries == 1 and (is_last or times.is_delegated):
+        if sample.is_clear and (is_last or times.is_delegated):
             # An ACK this late came because no further sample did; the first answer was lost.
             is_answer = not lane.rhythm_is_known(sample) or 2 * round_trip_ns < _period_ns(lane)
             if is_answer:
                 self._measured(source, round_trip_ns, times)
         if not times.is_delegated:
             return sample.order
-        reception = lane.receptions[source]
-        reception.late_ns = now - sample.sent_before_at if sample.tries > 1 else None
         order = sample.order
-        if sample.tries > 1 and round_trip_ns < timing.least_ns(times):
-            # Too soon to answer the last transmission.
-            self.answered_again(lane, source)
+        is_too_soon = round_trip_ns < timing.least_ns(times)
+        if not sample.is_clear and (is_too_soon or not had_gap):
+            # It may answer an earlier transmission, and later samples may be on their way, too.
             order = sample.first_order
-        elif sample.tries > 1 and not had_gap:
-            order = sample.first_order  # later samples may be on their way, too
         for other in lane.active():
             # Frames wait in the device: start the time-out of whatever was sent later only now.
             if other.stage is Stage.SENT and other.order > order and source in lane.lacking(other):
                 other.due_at = max(other.due_at, now + self.pause_ns(lane, other))
         return order
-
-    def answered_again(self, lane: SendLane, source: int) -> None:
-        """Measure a round trip with an ACK that says nothing new.
-
-        The ACK before it answered a transmission before the last repetition.
-        """
-        reception = lane.receptions[source]
-        if reception.late_ns is not None and self.times is not None:
-            self._measured(source, reception.late_ns, self.times)
-            reception.late_ns = None
 
     def begins(self, lane: SendLane, sample: Outgoing, now: int) -> None:
         """Record that a transmission of a sample begins."""
@@ -159,7 +153,7 @@ class Pacing:
         if self.times is None:
             return self._before_end(sample, sample.due_at)
         # Of several receivers, wait for the first: one out of range must not hold back the others.
-        priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
+        priority, at_most_ns = self._priority(lane), self._at_most_ns(lane, sample)
         quiet = (
             self.timing(each).ready_at(self.times, priority, in_haste=at_most_ns is not None)
             for each in lane.lacking(sample)
@@ -169,7 +163,7 @@ class Pacing:
 
     def due_at(self, lane: SendLane, sample: Outgoing) -> int:
         """Return when a sample is due, without regard to answers to later transmissions, ns."""
-        return self._before_end(sample, self._in_time(lane, sample, self._at_most_ns(lane)))
+        return self._before_end(sample, self._in_time(lane, sample, self._at_most_ns(lane, sample)))
 
     def may_repeat(self, lane: SendLane, sample: Outgoing, now: int) -> bool:
         """Return whether a sample may open or join a turn of repetitions now."""
@@ -187,15 +181,16 @@ class Pacing:
     def takes(self, lane: SendLane, sample: Outgoing, now: int) -> bool:
         """Take a sample into the present turn of the receivers that lack it; False: no room."""
         times, priority = self.times, self._priority(lane)
+        lacking = [self.timing(each) for each in lane.lacking(sample)]
+        is_urgent = any(each.is_urgent(priority) for each in lacking)
         # A row of emergencies is none: without a pause, several such senders would deafen all.
-        is_emergency = priority is Priority.REAL_TIME and len(lane.samples) <= _COPIED_AT_ONCE
+        is_emergency = is_urgent and len(lane.samples) <= _COPIED_AT_ONCE
         is_free = sample.follows or sample.asked or is_emergency
-        if times is None or is_free or self._at_most_ns(lane) is not None:
+        if times is None or is_free or self._at_most_ns(lane, sample) is not None:
             return True
         if self._before_end(sample, now + 1) <= now:
             return True  # a later turn would be too late
         size_bytes = sample.waiting.size_bytes
-        lacking = [self.timing(each) for each in lane.lacking(sample)]
         turns = [each for each in lacking if each.may_repeat(now, times, priority)]
         taken = [each.takes(size_bytes, now, times) for each in turns]
         return any(taken) or not lacking
@@ -218,13 +213,18 @@ class Pacing:
         """Return when a sample that was just sent is due again, ns."""
         times = self._pacers.link_times
         was_copy, sample.follows = sample.follows, False
+        priority, is_first = self._priority(lane), sample.tries == 1
+        for address in lane.addressed(sample):
+            for allowance in (self.timing(address).allowance, lane.receptions[address].allowance):
+                if is_first and priority is Priority.REAL_TIME:
+                    allowance.grant(hasty=True)
+                allowance.sent(report.finished_at, times.frames_each, is_first=is_first)
         was_sent = report.outcome in (TransmitOutcome.SENT, TransmitOutcome.DELIVERED)
         if was_sent and lane.rhythm_is_known(sample):
             # If the sample was lost, the receiver asks for it; if it was the last, for the next
             # one.
             round_trips_ns = _ROUND_TRIPS_OF_ASKING * times.first_round_trip_ns
             return lane.put_off(report.finished_at + _period_ns(lane) + round_trips_ns)
-        priority = self._priority(lane)
         if sample.in_hole:
             sample.in_hole, sample.follows = False, True
             return AT_ONCE
@@ -236,7 +236,7 @@ class Pacing:
                 sample.follows |= is_doubled(priority, sample.tries)
             if sample.follows:
                 return AT_ONCE
-        pause_ns = self.pause_ns(lane, sample)
+        pause_ns = spread(self.pause_ns(lane, sample), priority, times, self._rng)
         if not self.is_doubtful(lane, sample):
             pause_ns = aimed_pause(
                 pause_ns, priority, sample.tries, times, report.finished_at, self._rng
@@ -246,13 +246,13 @@ class Pacing:
         due_at = report.finished_at + pause_ns
         is_repeated = sample.tries > 1
         self._await_answer(lane, sample, report.finished_at, due_at, is_repeated=is_repeated)
-        return due_at
+        return max(due_at, report.finished_at + self._floor_ns(lane, sample))
 
     def pause_ns(self, lane: SendLane, sample: Outgoing) -> int:
         """Draw how long the receivers that lack a sample get to answer, ns."""
         times, lacking = self._pacers.link_times, lane.addressed(sample)
         rank, spread_ns = _order_of_answers(lane, sample, lacking, times)
-        priority, at_most_ns = self._priority(lane), self._at_most_ns(lane)
+        priority, at_most_ns = self._priority(lane), self._at_most_ns(lane, sample)
         pauses_ns = (
             self.timing(each).pause_ns(
                 times,
@@ -271,13 +271,25 @@ class Pacing:
             pause_ns = max(pause_ns, times.first_round_trip_ns + rank * times.ack_slot_ns)
         return pause_ns
 
-    def _at_most_ns(self, lane: SendLane) -> int | None:
+    def _floor_ns(self, lane: SendLane, sample: Outgoing) -> int:
+        """Return the shortest pause for a key that no receiver acknowledges, ns."""
+        frames = self._pacers.link_times.frames_each
+        is_urgent = self._priority(lane) is Priority.REAL_TIME
+        allowances = (lane.receptions[each].allowance for each in lane.addressed(sample))
+        floors_ns = (each.floor_ns(frames, is_urgent=is_urgent) for each in allowances)
+        return min(floors_ns, default=0)
+
+    def _at_most_ns(self, lane: SendLane, sample: Outgoing) -> int | None:
         """Return the longest pause with which a repetition meets the deadline, ns; None: none.
 
-        The random part and the airtime of a frame come on top of the pause.
+        The random part and the airtime of a frame come on top of the pause. After a long silence of
+        all receivers that lack the sample there is none.
         """
         times, deadline_ns = self.times, self._table.by_id(lane.key[0]).qos.deadline_ns
         if deadline_ns is None or times is None:
+            return None
+        lacking = (self.timing(each) for each in lane.lacking(sample))
+        if not any(each.allowance.keeps_deadlines for each in lacking):
             return None
         return max(1, deadline_ns - times.doubt_ns - times.airtime_ns(times.mtu_bytes))
 

@@ -1,11 +1,13 @@
 """A publisher's state for one receiver of a key."""
 
+from zacoustic.core.base.allowance import Allowance
+
 
 class Reception:
     """What one receiver is known to have of a lane."""
 
     __slots__ = (
-        "anew", "contradicted_at", "expected", "in_sync", "is_told", "late_ns", "lineage",
+        "allowance", "anew", "contradicted_at", "expected", "in_sync", "is_told", "lineage",
         "settled_at", "skips_to",
     )  # fmt: skip
 
@@ -25,10 +27,10 @@ class Reception:
         """Whether the receiver has reported since the restart which number it awaits."""
         self.contradicted_at: int | None = None
         """Instant of its first impossible acknowledgement, after which it was asked again, ns."""
+        self.allowance = Allowance()
+        """How many frames may still go in vain, while the receiver acknowledges none of the key."""
         self.anew = 0
         """How often the count was begun anew for this receiver."""
-        self.late_ns: int | None = None
-        """Least duration of the last round trip if the next ACK says nothing new, ns."""
         self.settled_at: int | None = None
         """Instant from which it can be in sync, since all earlier short ACKs have arrived by then,
         ns."""

@@ -17,11 +17,11 @@ from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import (
-    DeliveryEnded,
     DeliveryEvent,
     DeliveryOutcome,
     DeliveryStored,
 )
+from zacoustic.core.transport.outcomes import Outcomes
 from zacoustic.core.transport.reliable.sending.contradictions import Contradictions
 from zacoustic.core.transport.reliable.sending.keeping import Keeping
 from zacoustic.core.transport.reliable.sending.pacing import Pacing
@@ -37,7 +37,7 @@ from zacoustic.core.transport.reliable.sending.sendlanes import SendLanes
 from zacoustic.core.transport.reliable.sending.slots import LargeSlots
 from zacoustic.core.transport.subscriptions.subscriptions import NOBODY, Subscriptions
 from zacoustic.core.wire.frame import Sync
-from zacoustic.core.wire.numbers import Ack, resolve_expected
+from zacoustic.core.wire.numbers import Ack
 
 _ANY_DEPTH: Final = 65535
 
@@ -56,12 +56,14 @@ class ReliableSending:
         context: Context,
         subscriptions: Subscriptions,
         emit: Callable[[DeliveryEvent], None],
+        outcomes: Outcomes,
     ) -> None:
         self._table = context.table
         self._queue = context.queue
         self._timers = context.timers
         self._handshake = context.handshake
-        self._keeping = Keeping(context.journal)
+        self._outcomes = outcomes
+        self._keeping = Keeping(context.journal, outcomes)
         self._pacers = context.pacers
         self._pacing = Pacing(
             context.table,
@@ -78,12 +80,14 @@ class ReliableSending:
             self._out_of_sync,
         )
         self._emit = emit
+        self._numbering = context.sizes.samples
         self._lanes = SendLanes(
             context.address,
             context.table,
             context.handshake,
             subscriptions,
             context.generators.of("lineages"),
+            context.sizes.samples,
         )
         self.slots = LargeSlots(
             self._lanes,
@@ -231,7 +235,7 @@ class ReliableSending:
         if sync is None:
             if not reception.in_sync:
                 return "unexpected_ack"  # from another boot epoch perhaps, or about old numbers
-            expected = resolve_expected(ack.expected, reception.expected)
+            expected = self._numbering.resolve_expected(ack.expected, reception.expected)
         else:
             expected = lane.told(source, sync)
         if not lane.lacks(source):
@@ -286,7 +290,7 @@ class ReliableSending:
         """Restore samples from before the restart, and continue the delivery ids above theirs."""
         if life := int.from_bytes(stored.get(LIFE_KEY, b""), "big"):
             self._next_delivery_id += life << 36 | self._handshake.epoch << 20
-        for kept in self._keeping.recover(stored, self._table, self._emit):
+        for kept in self._keeping.recover(stored, self._table):
             self._lanes.restore(self._table.by_id(kept.stream_id), kept)
         self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
 
@@ -296,6 +300,7 @@ class ReliableSending:
         """Make due what waits for a node."""
         for lane in self._lanes:
             if address in lane.receptions:
+                lane.receptions[address].allowance.grant()
                 lane.due_soon(address)
         self._changed()
 
@@ -398,7 +403,7 @@ class ReliableSending:
         self._changed()
         if sample.stage is Stage.ON_AIR:
             sample.stage = Stage.SENT
-            sample.sent_before_at, sample.sent_at = sample.sent_at, report.finished_at
+            sample.sent_at = report.finished_at
             sample.due_at = self._pacing.repeat_at(lane, sample, report)
 
     def _refresh(self, lane: SendLane) -> None:
@@ -426,13 +431,12 @@ class ReliableSending:
                 sample.held.add(source)
             else:
                 sample.held.discard(source)  # it has restarted and lost what it held
-        if latest is None:
-            self._pacing.answered_again(lane, source)
-        else:
+        if latest is not None:
             is_last = latest.order == self._order
             order = self._pacing.first_acknowledged(
                 lane, latest, source, now, is_last=is_last, had_gap=had_gap
             )
+            lane.receptions[source].allowance.answered()
             self._pacers.answered(source, now)
             lane.due_soon(source, before=order)
         self._refresh(lane)
@@ -500,7 +504,8 @@ class ReliableSending:
         if lane.is_journalled:  # a later boot epoch must not find the sample and report another end
             if outcome is not DeliveryOutcome.DELIVERED:
                 lane.leave(sample)
-            then = partial(self._forgotten, lane, sample, ended, waiting)
+            self._outcomes.tell(ended)
+            then = partial(self._forgotten, lane, sample, waiting)
             self._keeping.forget(lane, sample, then)
             return
         self._emit(ended)
@@ -511,11 +516,9 @@ class ReliableSending:
         self,
         lane: SendLane,
         sample: Outgoing,
-        ended: DeliveryEnded,
         waiting: Sequence[int],
         now: int,
     ) -> None:
-        self._emit(ended)
         lane.leaving = [each for each in lane.leaving if each is not sample]
         for address in waiting:
             self._out_of_sync(lane, address)

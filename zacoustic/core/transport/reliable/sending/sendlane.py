@@ -8,6 +8,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.sizes import SIZES, SampleNumbering
 from zacoustic.core.schedule.queue import LaneKey, Waiting
 from zacoustic.core.schedule.timing import FEW_RECEIVERS, LinkTimes
 from zacoustic.core.streams.table import Stream
@@ -16,7 +17,7 @@ from zacoustic.core.transport.reliable.rhythm import SendRhythm
 from zacoustic.core.transport.reliable.sending.reception import Reception
 from zacoustic.core.transport.reliable.spans import Spans
 from zacoustic.core.wire.frame import Control, Sync
-from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBERS, PACE, WINDOW, Ack, resolve_floor
+from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBERS, Ack, resolve_floor
 
 AT_ONCE: Final = 0
 """A `due_at` that has always passed."""
@@ -70,8 +71,8 @@ class Outgoing:
 
     __slots__ = (
         "acknowledged", "aimed_at", "asked", "delivery_id", "due_at", "expires_at", "first_order",
-        "follows", "held", "holes", "in_hole", "marked", "number", "order", "sent_at",
-        "sent_before_at", "stage", "tries", "unknown", "waiting",
+        "follows", "held", "holes", "in_hole", "is_clear", "marked", "number", "order", "sent_at",
+        "stage", "tries", "unknown", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -96,6 +97,9 @@ class Outgoing:
         """Into how many such holes it has gone."""
         self.asked = False
         """Its receiver has reported that it lacks it, after it should have come."""
+        self.is_clear = True
+        """Whether an answer can only answer its last transmission: there was no other one, or it
+        is too long ago."""
         self.marked = False
         """It was sent marked as in rhythm."""
         self.aimed_at: int | None = None
@@ -108,8 +112,6 @@ class Outgoing:
         """The same for its first transmission."""
         self.sent_at = 0
         """End of its last transmission, ns."""
-        self.sent_before_at = 0
-        """End of the transmission before that, ns."""
         self.due_at = 0
 
 
@@ -137,6 +139,7 @@ class SendLane:
         is_journalled: Its samples and its count are journalled.
         subscribers: The receivers that want samples, as they change; None: all receivers.
         rhythm: Learns the rhythm of the samples; None: each sample is acknowledged.
+        numbering: How samples are numbered.
         may_aim: Whether a sample that few of many receivers lack is repeated to each of them alone.
     """
 
@@ -151,7 +154,9 @@ class SendLane:
         subscribers: Set[int] | None = None,
         rhythm: SendRhythm | None = None,
         may_aim: bool = False,
+        numbering: SampleNumbering = SIZES.samples,
     ) -> None:
+        self._numbering = numbering
         self.key = key
         self._may_aim = may_aim
         self.is_journalled = is_journalled
@@ -274,12 +279,12 @@ class SendLane:
             yield sample
 
     def open(self, now: int, settling_ns: int) -> int | None:
-        """Take numbers into use; return when to try again because of `PACE`, ns, or None."""
+        """Take numbers into use; return when to try again because of the pace, ns, or None."""
         while self._marks and self._marks[0][0] + settling_ns <= now:
             self._marks.popleft()
-        wanted = min(self.floor + WINDOW, self.next_number)
+        wanted = min(self.floor + self._numbering.window, self.next_number)
         begin = self._marks[0][1] if self._marks else self._end
-        end = min(wanted, begin + PACE)
+        end = min(wanted, begin + self._numbering.pace)
         if end > self._end:
             self._marks.append((now, self._end))
             self._end = end
@@ -395,6 +400,8 @@ class SendLane:
             if sample.waiting.sync or is_off_beat or self._has_large:
                 self.rhythm.end()
         sample.first_order = sample.first_order or sample.order
+        is_long_ago = now - sample.sent_at >= times.longest_round_trip_ns
+        sample.is_clear = not sample.tries or is_long_ago
         sample.tries += 1
         sample.asked = False
 
@@ -431,7 +438,8 @@ class SendLane:
                 self.lose_sync(address)
                 reception.expected = max(reception.expected, span.first)
             reception.lineage = span.lineage
-            if sample.number - reception.expected >= WINDOW or sample.tries >= _DOUBTED_TRIES:
+            ahead = sample.number - reception.expected
+            if ahead >= self._numbering.window or sample.tries >= _DOUBTED_TRIES:
                 reception.in_sync = False
         if all(self.receptions[address].in_sync for address in lacking):
             return

@@ -4,6 +4,7 @@ import random
 from collections.abc import Iterator
 
 from zacoustic.core.base.qos import Priority
+from zacoustic.core.base.sizes import SampleNumbering
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.schedule.queue import RELIABLE_LANE, LaneKey
 from zacoustic.core.streams.keys import Instance
@@ -25,6 +26,7 @@ class SendLanes:
         table: Its streams.
         handshake: Knows the boot epoch.
         subscriptions: Knows the subscribers of on-demand topics.
+        numbering: How samples are numbered.
         rng: Draws lineages in place of those that others have used.
     """
 
@@ -35,7 +37,9 @@ class SendLanes:
         handshake: Handshake,
         subscriptions: Subscriptions,
         rng: random.Random,
+        numbering: SampleNumbering,
     ) -> None:
+        self._numbering = numbering
         self._address = address
         self._table = table
         self._handshake = handshake
@@ -88,15 +92,18 @@ class SendLanes:
             subscribers=self._subscriptions.subscribers(stream),
             rhythm=self._rhythm(stream, instance),
             may_aim=not is_pressing,
+            numbering=self._numbering,
         )
         self._lanes[lane.key] = lane
         return lane
 
     def restore(self, stream: Stream, kept: JournalledLane) -> SendLane:
-        """Restore a lane from before the restart, with its samples, all to be sent again."""
+        """Restore a lane from before the restart, with its samples, all to be sent again.
+
+        It keeps all its spans: large samples, which come next, may be the last ones of a span.
+        """
         first = min((number for number, _ in kept.samples), default=kept.next_number)
         spans = Spans(kept.spans, kept.own)
-        spans.forget_before(first)
         lane = self.begin(stream, kept.instance, spans, first, is_journalled=True)
         lane.is_former = True
         for number, each in kept.samples:
