@@ -168,7 +168,7 @@ def test_scenario_finds_it_when_a_provisional_confirm_holds_at_once(
         peer.take(Change.CONFIRM)
 
     monkeypatch.setattr(Handshake, "_heard_provisional_confirm", believe)
-    assert any(GoalScenario(seed).run() for seed in (5583,))
+    assert any(GoalScenario(seed).run() for seed in (92,))
 
 
 def test_goal_is_accepted_fed_and_ended() -> None:

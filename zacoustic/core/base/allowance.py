@@ -12,9 +12,11 @@ the same allowance: the rest of the day then has fewer and longer pauses. When n
 pause is half of the time without an answer: a dozen frames a day. In a crowd many frames are lost
 within minutes, and nobody may then wait for hours while the channel is free again.
 
-A node that is heard after a silence gets a few tries at once, and an answer renews the allowance. A
-node that is heard again and again and never answers, since its channel works in one direction only,
-costs no more than a silent one.
+A node that is heard after a silence gets a few tries at once, and an answer renews the allowance.
+If these tries are in vain, since many frames are lost, each pause is at most the time since it was
+heard: pauses double until the others hold again. A node that is heard again and again and never
+answers, since its channel works in one direction only, costs little more than a silent one: such
+returns count ever more rarely.
 
 Each node has one allowance on each link (`zacoustic.core.schedule.pacers`). Whatever is repeated
 has one of its own as well, since a node may answer everything else and never this: its journal is
@@ -61,8 +63,8 @@ class Allowance:
     """The frames that may still go in vain to one node, or for one thing."""
 
     __slots__ = (
-        "_firsts", "_granted", "_grants", "_heard_at", "_last_at", "_may_return_at", "_since",
-        "_spent", "is_rare",
+        "_firsts", "_granted", "_grants", "_heard_at", "_last_at", "_may_return_at", "_returned_at",
+        "_since", "_spent", "is_rare",
     )  # fmt: skip
 
     def __init__(self) -> None:
@@ -70,6 +72,7 @@ class Allowance:
         """Whether tries had become rare since the last answer."""
         self._heard_at = self._last_at = self._may_return_at = 0
         self._since: int | None = None
+        self._returned_at: int | None = None
         self._spent = self._firsts = self._granted = self._grants = 0
 
     @property
@@ -96,6 +99,8 @@ class Allowance:
             return 0
         left, vain_ns = _FRAMES - self._spent, max(1, self._vain_ns)
         longest_ns = min(LONGEST_NS, vain_ns // _LARGEST_SHARE)
+        if self._returned_at is not None:
+            longest_ns = min(longest_ns, max(1, self._last_at - self._returned_at))
         if left <= 0:
             return longest_ns
         # With this pause at any time, what is left lasts for the rest of the day.
@@ -135,6 +140,10 @@ class Allowance:
         """
         self._granted = max(self._granted, _HASTY_GRANT if hasty else _GRANT)
 
+    def back(self, now: int) -> None:
+        """Grant a few tries, and ever longer pauses between further ones: the node is back."""
+        self._granted, self._returned_at = max(self._granted, _GRANT), now
+
     def heard(self, now: int, patience: int) -> bool:
         """Record a frame of the node; return whether it is back, so that tries follow at once.
 
@@ -151,6 +160,7 @@ class Allowance:
                 return False
             self._may_return_at = now + (_FIRST_GRANT_NS << min(self._grants, _MOST_DOUBLINGS))
             self._grants += 1
+        self.back(now)
         self._granted = max(self._granted, _GRANT + patience)
         return True
 
@@ -162,7 +172,7 @@ class Allowance:
     def answered(self) -> bool:
         """Record an answer: the node is there; return whether tries had become rare."""
         was_rare, self.is_rare = self.is_rare, False
-        self._since = None
+        self._since = self._returned_at = None
         self._spent = self._firsts = self._granted = self._grants = self._may_return_at = 0
         return was_rare
 

@@ -248,7 +248,7 @@ class Repeater:
         """Make due what waits for a node."""
         for repetition in self._repetitions:
             if repetition.record.destination == address:
-                repetition.allowance.grant()
+                repetition.allowance.back(now)
                 repetition.due_at = 0
         self._changed()
 

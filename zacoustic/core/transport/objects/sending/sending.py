@@ -571,7 +571,7 @@ class OutgoingObjects:
         """Make due what waits for a receiver."""
         for sending in self._sendings.values():
             if address in sending.outgoing.views:
-                sending.allowance.grant()
+                sending.allowance.back(now)
             sending.outgoing.release(address, now)
 
     def _sent(self, outgoing: OutgoingObject, at: int) -> None:

@@ -300,7 +300,7 @@ class ReliableSending:
         """Make due what waits for a node."""
         for lane in self._lanes:
             if address in lane.receptions:
-                lane.receptions[address].allowance.grant()
+                lane.receptions[address].allowance.back(now)
                 lane.due_soon(address)
         self._changed()
 
