@@ -1,6 +1,7 @@
 """ROS messages as types: CDR to values and back, for every message that there is."""
 
 import struct
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
@@ -210,3 +211,51 @@ def test_a_fixed_array_of_bytes_has_its_length() -> None:
     assert ros.read(ros.write({"uuid": bytes(range(16))}))[0] == {"uuid": bytes(range(16))}
     with pytest.raises(PayloadInvalidError, match="uuid has 3 bytes; allowed: 16"):
         ros.write({"uuid": b"abc"})
+
+
+def test_a_single_byte_is_an_octet_both_ways() -> None:
+    ros = message("std_msgs/msg/Byte")
+    for octet in (0, 127, 128, 200, 255):
+        cdr = bytes.fromhex("00010000") + bytes((octet,))
+        assert ros.read(cdr)[0] == ros.spec.validate({"data": octet}) == {"data": octet}
+        assert ros.write({"data": octet}) == cdr
+    level = OverlayField(field="data", constant=200)
+    always = message("std_msgs/msg/Byte", Overlay(type="std_msgs/msg/Byte", fields=(level,)))
+    cdr = bytes.fromhex("00010000c8")
+    assert always.write(always.read(cdr)[0]) == cdr
+    with pytest.raises(PayloadInvalidError, match="data is 201; allowed: 200"):
+        always.read(bytes.fromhex("00010000c9"))
+
+
+def test_of_a_sequence_of_messages_without_members_the_number_crosses(tmp_path: Path) -> None:
+    for name, text in (
+        ("Nothing", "uint8 SOME=1\n"),
+        ("Several", "Nothing[] all\nNothing[<=3] few\nNothing[2] two\nbool last\n"),
+    ):
+        (tmp_path / "my_msgs/msg").mkdir(parents=True, exist_ok=True)
+        (tmp_path / f"my_msgs/msg/{name}.msg").write_text(text)
+    own = Interfaces("jazzy", tmp_path)
+    ros = RosMessage(own, TypeMapper(own), "my_msgs/msg/Several")
+    value = {"all": 5, "few": 3, "last": True}
+    assert [(field.name, field.range) for field in ros.spec.fields[:2]] == [
+        ("all", (0, 65535)),
+        ("few", (0, 3)),
+    ]
+    assert ros.read(ros.write(value))[0] == value
+    with pytest.raises(PayloadInvalidError, match=r"few is 4; allowed: 0\.\.3"):
+        ros.spec.validate(value | {"few": 4})
+
+
+def test_a_sequence_whose_elements_are_left_out_has_their_number_and_constants() -> None:
+    fields = (
+        OverlayField(field="values.key", constant="V"),
+        OverlayField(field="values.value", omit=True),
+    )
+    name = "diagnostic_msgs/msg/DiagnosticStatus"
+    ros, plain = message(name, Overlay(type=name, fields=fields)), message(name)
+    value = filled(name) | {"values": [{"key": "V", "value": ""}] * 2}
+    read = ros.read(plain.write(value))[0]
+    assert read["values"] == 2
+    assert plain.read(ros.write(read))[0] == value
+    with pytest.raises(PayloadInvalidError, match="key is 'A'"):
+        ros.read(plain.write(value | {"values": [{"key": "A", "value": ""}]}))
