@@ -1,5 +1,6 @@
 """ROS messages as types: CDR to values and back, for every message that there is."""
 
+import math
 import struct
 from pathlib import Path
 from typing import Any, Final
@@ -211,6 +212,44 @@ def test_a_fixed_array_of_bytes_has_its_length() -> None:
     assert ros.read(ros.write({"uuid": bytes(range(16))}))[0] == {"uuid": bytes(range(16))}
     with pytest.raises(PayloadInvalidError, match="uuid has 3 bytes; allowed: 16"):
         ros.write({"uuid": b"abc"})
+
+
+def test_all_bounds_of_a_definition_are_in_the_type(tmp_path: Path) -> None:
+    """What could not be written at the other end is refused before it is sent."""
+    (tmp_path / "my_msgs/msg").mkdir(parents=True)
+    text = "uint8[4] id\nbyte[<=3] few\nstring<=5 name\nfloat32[<=2] two\nstring<=2[<=2] words\n"
+    (tmp_path / "my_msgs/msg/Bounded.msg").write_text(text)
+    own = Interfaces("jazzy", tmp_path)
+    ros = RosMessage(own, TypeMapper(own), "my_msgs/msg/Bounded")
+    value = {"id": bytes(4), "few": b"abc", "name": "abcde", "two": [1.0] * 2}
+    value["words"] = [{"text": "ab"}] * 2
+    codec = PackedCodec(ros.spec)
+    assert ros.read(ros.write(codec.decode(codec.encode(value))))[0] == value
+    for field, wrong in (
+        ("id", bytes(3)),
+        ("id", bytes(5)),
+        ("few", b"abcd"),
+        ("name", "abcdef"),
+        ("two", [1.0] * 3),
+        ("words", [{"text": "ab"}] * 3),
+        ("words", [{"text": "abc"}]),
+    ):
+        with pytest.raises(PayloadInvalidError, match=f"{field}.* has .* allowed: "):
+            codec.encode(value | {field: wrong})
+    longer = Overlay(type="my_msgs/msg/Bounded", fields=(OverlayField(field="few", max_length=4),))
+    with pytest.raises(ConfigError, match="few: max_length: 4; allowed: at most 3"):
+        TypeMapper(own, [longer]).map("my_msgs/msg/Bounded")
+
+
+def test_a_member_without_a_value_crosses_beside_its_bounds() -> None:
+    name = "sensor_msgs/msg/BatteryState"
+    rule = OverlayField(field="*e", range=(-500, 500), step=0.01, nan=True)
+    ros, plain = message(name, Overlay(type=name, fields=(rule,))), message(name)
+    value = plain.read(plain.write({}))[0] | {"voltage": 24.5, "charge": math.nan}
+    value["temperature"] = -math.inf
+    for codec in (CborCodec(ros.spec), PackedCodec(ros.spec)):
+        got = ros.write(codec.decode(codec.encode(ros.read(plain.write(value))[0])))
+        assert got == plain.write(value)
 
 
 def test_a_single_byte_is_an_octet_both_ways() -> None:

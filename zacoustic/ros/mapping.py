@@ -262,7 +262,12 @@ def _scalar_part(
 ) -> _Part:
     is_several = member.is_array or member.is_sequence
     if is_several and member.type in _OCTETS and not is_listed:
-        field = FieldSpec(name=member.name, type="bytes", max_length=member.count or None)
+        field = FieldSpec(
+            name=member.name,
+            type="bytes",
+            max_length=member.count or None,
+            min_length=member.count if member.is_array else None,
+        )
         return _Part(
             attribute=attribute,
             field=_applied(field, rules, called),
