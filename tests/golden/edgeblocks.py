@@ -237,6 +237,47 @@ def _kept() -> dict[str, Any]:
     return scene.told("kept texts: a value that comes again takes another place")
 
 
+def _no_values() -> dict[str, Any]:
+    """Floats that may be no value, and bytes and texts of at least so many."""
+    scene = Scene(
+        {
+            STREAM: type_of(
+                "Maybe",
+                number("depth", -5, 5, 0.5, nan=True),
+                number("turn", 0, 360, 0.5, wraps=True, nan=True),
+                number("level", -5, 5, 0.5, nan=True, outside="escape"),
+                FieldSpec(name="exact", type="float32", nan=True),
+                number("legs", 0, 100, 1.0, nan=True, length=3),
+                FieldSpec(name="few", type="float32", range=(0, 8), nan=True, max_length=2),
+                FieldSpec(name="id", type="bytes", min_length=4, max_length=4),
+                FieldSpec(name="text", type="string", min_length=2),
+                # No quaternion.
+                *(number(f"q{part}", -1, 1, 0.02, nan=part == "w") for part in "xyzw"),
+            )
+        }
+    )
+    nan, above, below = float("nan"), float("inf"), float("-inf")
+    values = [
+        {
+            "depth": (1.5, 2.0, nan, nan, 2.5, above, below, 3.0)[place % 8],
+            "turn": (359.5, nan, 0.5)[place % 3],
+            "level": (0.5, 7.25, nan, -6.5, below)[place % 5],
+            "exact": (1.25, nan, 1.25, above)[place % 4],
+            "legs": [float(place), (nan, 3.0)[place % 2], 1.0],
+            "few": [nan, 1.5][: place % 3],
+            "id": bytes((1, 2, 3, place // 3)),
+            "text": ("ab", "abc 12", "xyle")[place % 3],
+            **{f"q{part}": 0.0 for part in "xyz"},
+            "qw": (1.0, nan)[place % 2],
+        }
+        for place in range(16)
+    ]
+    with mode(PLAINLY):
+        scene.chain(values[:2])
+    scene.chain(values)
+    return scene.told("floats that may be no value; bytes and texts of at least so many")
+
+
 def _long_texts() -> dict[str, Any]:
     scene = Scene({STREAM: type_of("Long", FieldSpec(name="text", type="string"))})
     long = "INF mission: leg 1 of 12 started. " * 30
@@ -400,6 +441,7 @@ def scenes() -> list[dict[str, Any]]:
         _missing(),
         _single(),
         _kept(),
+        _no_values(),
         _long_texts(),
         _scales(),
         _far(),

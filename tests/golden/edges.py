@@ -32,6 +32,18 @@ def _float(low: float, high: float, step: float | None = None, **more: Any) -> F
 
 
 _TENS: Final[Field] = {"type": "int16", "range": [0, 100], "step": 10}
+_TENTH: Final[Field] = {"type": "float32", "range": [0, 0.1]}
+_SIXTEEN: Final[Field] = {"min_length": 16, "max_length": 16}
+_NAN_OR_MORE: Final[Field] = {"nan": True, "outside": "escape"}
+_MAYBE: Final[tuple[tuple[str, Field], ...]] = (
+    ("range and step", _float(-5, 5, 0.5)),
+    ("a range of singles", {"type": "float32", "range": [-5, 5]}),
+    ("a circle", {"type": "float32", "range": [0, 360], "step": 0.5, "wraps": True}),
+    ("a circle of doubles", _float(0, 360, wraps=True)),
+    ("a step alone", {"type": "float64", "step": 0.25}),
+    ("nothing else", {"type": "float32"}),
+    ("what escapes", _float(-5, 5, 0.5, outside="escape")),
+)
 _PAYLOADS: Final[tuple[tuple[str, Field, Any], ...]] = (
     # The multiple of a value: two roundings, in this order.
     ("value times denominator is rounded", _float(0, 1, 0.01), 0.575),
@@ -77,11 +89,46 @@ _PAYLOADS: Final[tuple[tuple[str, Field, Any], ...]] = (
         {"type": "float32", "range": [0, 0.5], "step": 0.125, "outside": "escape"},
         0.500000001,
     ),
+    (
+        "the single of a range end beyond it",
+        {"type": "float32", "range": [-math.pi, math.pi], "step": 0.001},
+        3.1415927410125732,
+    ),
+    (
+        "the single of a range end beyond it, in a double",
+        _float(-0.05, 0.05),
+        -0.05000000074505806,
+    ),
+    (
+        "the single of a range end beyond it does not escape",
+        {"type": "float32", "range": [0, 0.05], "step": 0.01, "outside": "escape"},
+        0.05000000074505806,
+    ),
+    (
+        "the single of the end of a circle",
+        {"type": "float32", "range": [-math.pi, math.pi], "step": 0.001, "wraps": True},
+        3.1415927410125732,
+    ),
+    (
+        "a single that is rounded to that of a range end",
+        {**_TENTH, "range": [0, 0.05]},
+        0.0500000006,
+    ),
+    # No value.
+    *(
+        (f"{value} with {meaning}", {**field, "nan": True}, value)
+        for value in (1.5, math.nan, math.inf, -math.inf)
+        for meaning, field in _MAYBE
+    ),
+    ("an escaped number that might be none", {**_float(0, 1, 0.5), **_NAN_OR_MORE}, 7.25),
+    # Fewest bytes.
+    ("as many bytes as it must have", {"type": "bytes", **_SIXTEEN}, bytes(range(16))),
+    ("a text of at least two bytes", {"type": "string", "min_length": 2, "max_length": 5}, "abc"),
+    ("a text without a most", {"type": "string", "min_length": 2}, "a" * 130),
     # What a sender does.
     ("the default of a value that is not given", {"type": "uint8", "default": 7}, None),
     ("text of 128 bytes without a bound", {"type": "string"}, "a" * 128),
 )
-_TENTH: Final[Field] = {"type": "float32", "range": [0, 0.1]}
 _REFUSED: Final[tuple[tuple[str, str, str, Field], ...]] = (
     ("packed", "8000", "a length with a group too many", {"type": "bytes"}),
     ("packed", "c00000", "a length of a text with a group too many", {"type": "string"}),
@@ -95,6 +142,24 @@ _REFUSED: Final[tuple[tuple[str, str, str, Field], ...]] = (
         {"type": "uint8", "range": [122, 213], "step": 71, "outside": "escape"},
     ),
     ("cbor", "1880", "a multiple that the range end does not have", _float(0, 1.275, 0.01)),
+    (
+        "cbor",
+        "fa3d4ccccd",
+        "the single of a range end, escaped",
+        {"type": "float32", "range": [0, 0.05], "step": 0.01, "outside": "escape"},
+    ),
+    (
+        "packed",
+        "c7a99999a0",
+        "the single of a range end, escaped",
+        {"type": "float32", "range": [0, 0.05], "step": 0.01, "outside": "escape"},
+    ),
+    ("cbor", "f97e00", "no value in a range", _float(0, 1, 0.5)),
+    ("cbor", "f93c00", "a number beside no value that is no multiple", _float(0, 1, 0.5, nan=True)),
+    ("packed", "bfe0000000", "no value in a longer form", {"type": "float32", "nan": True}),
+    ("packed", "effe00000000000000", "no value, escaped", {**_float(0, 1, 0.5), **_NAN_OR_MORE}),
+    ("cbor", "4f000102030405060708090a0b0c0d0e", "too few bytes", {"type": "bytes", **_SIXTEEN}),
+    ("cbor", "60", "an empty text that must not be", {"type": "string", "min_length": 1}),
 )
 _OCTETS: Final = (
     b"leak " * 204 + b"1234",
@@ -133,7 +198,7 @@ def _payload(codec: str, meaning: str, field: Field, value: Any) -> dict[str, An
         "meaning": f"{codec}: {meaning}",
         "codec": codec,
         "types": types,
-        "value": given,
+        "value": in_json(given),
         "decoded": decoded,
         "hex": payload.hex(),
     }

@@ -27,7 +27,7 @@ FROZEN: Final = {
     "conversations/tables.json": "005577cdf9c61e8e",
     "dense_frames.json": "4a50825a36bc486c",
     "ends.json": "38a4aafcb49ce36f",
-    "edges.json": "bb4fb1c48c1dc398",
+    "edges.json": "e25fe665db1bf519",
     "objects.json": "fd68d9f916c323e4",
     "payload_cbor.json": "b7780589e3a66b89",
     "payload_packed.json": "00edb60f01e0b27e",

@@ -254,6 +254,8 @@ class Stream:
         most = part.fields[0].max_length
         if most is not None and len(text) > most:
             raise ReadError("too long")
+        if len(text) < part.fields[0].min_length:
+            raise ReadError("too short")
         try:
             return text.decode() if is_string else text
         except UnicodeDecodeError as error:

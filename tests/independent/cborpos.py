@@ -97,13 +97,18 @@ def _number(field: Field, cursor: Cursor) -> float:
     grid = numbers.grid(field)
     head = cursor.peek()
     is_float = head is not None and head >> 5 == _SIMPLE
-    if grid is None or (is_float and field.escapes and field.type not in INTEGERS):
+    may_float = (field.escapes or field.nan) and field.type not in INTEGERS
+    if grid is None or (is_float and may_float):
         value = _float(cursor, field)
+        if field.nan and not math.isfinite(value):
+            return value
+        if grid is not None and not field.escapes:
+            raise ReadError("a number is a multiple of its step")
         if grid is None:
             value = numbers.bounded(field, value)
         if grid is None and not field.escapes and not numbers.in_range(field, value):
             raise ReadError("outside of the range")
-        if grid is not None and numbers.in_range(field, value):
+        if grid is not None and numbers.reaches(field, value):
             raise ReadError("a number within its range is a multiple of its step")
         return value
     multiple = _whole(cursor)
@@ -120,6 +125,8 @@ def _text(field: Field, cursor: Cursor) -> str | bytes:
     raw = cursor.take(length)
     if field.max_length is not None and length > field.max_length:
         raise ReadError("too long")
+    if length < field.min_length:
+        raise ReadError("too short")
     if wanted == _BYTES:
         return raw
     try:
@@ -215,6 +222,9 @@ def _written_one(types: Types, field: Field, value: Any) -> bytes:
 
 
 def _written_number(field: Field, value: float) -> bytes:
+    if field.nan and not math.isfinite(value):
+        return _float_item(value)
+    value = numbers.at_end(field, value)
     grid = numbers.grid(field)
     if grid is None:
         value = numbers.fold(field, value)

@@ -178,6 +178,29 @@ class _Maybe(_Piece):
             self._absent.split(value, row, rest)
 
 
+_WITHOUT_VALUE = {0: math.nan, 2: math.inf, 3: -math.inf}
+
+
+class _NoValue(_Piece):
+    """A column that says which of the floats without a value there is, if none has one."""
+
+    def __init__(self, kind: int, number: _Piece) -> None:
+        self._kind = kind
+        self._number = number
+
+    def join(self, row: Row, rest: list[Any]) -> Any:
+        kind = row[self._kind]
+        assert kind is not None
+        return self._number.join(row, rest) if kind == 1 else _WITHOUT_VALUE[kind]
+
+    def split(self, value: Any, row: Row, rest: list[Any]) -> None:
+        row[self._kind] = 1
+        if math.isfinite(value):
+            self._number.split(value, row, rest)
+        else:
+            row[self._kind] = 0 if math.isnan(value) else 2 if value > 0 else 3
+
+
 class _Array(_Piece):
     def __init__(self, elements: list[_Piece]) -> None:
         self._elements = elements
@@ -256,7 +279,7 @@ def _is_quaternion(group: tuple[Field, ...]) -> bool:
         return False
     return all(
         (each.type, each.step, each.range) == (first.type, first.step, (-1.0, 1.0))
-        and not (each.escapes or each.optional or each.is_array or each.wraps)
+        and not (each.escapes or each.optional or each.is_array or each.wraps or each.nan)
         for each in group
     )
 
@@ -272,6 +295,11 @@ def _piece(columns: Columns, field: Field, guard: Guard, name: str) -> _Piece:
         return _Array([_piece(columns, element, guard, "") for _ in range(field.length)])
     if field.type in columns.types:
         return _Nested(columns, field.type, guard, name)
+    if field.nan:
+        kind = columns.column("", 4, guard)
+        return _NoValue(
+            kind, _piece(columns, replace(field, nan=False, is_finite=True), (kind, 1), name)
+        )
     if field.type in ("bool", "enum") or field.type in INTEGERS or field.step is not None:
         if not field.escapes:
             return _Number(columns, field, guard, name)

@@ -52,7 +52,9 @@ def _field(field: Field, places: dict[str, int]) -> list[Any]:
     step = None if field.step is None else _number(field, field.step)
     listed: list[Any] = [field.name, places.get(field.type, field.type), bounds, step, field.wraps]
     listed += [list(field.values), field.length, field.max_length, field.optional]
-    return [*listed, "escape"] if field.escapes else listed
+    listed += ["escape"] if field.escapes else []
+    listed += ["nan"] if field.nan else []
+    return [*listed, f"min_length {field.min_length}"] if field.min_length else listed
 
 
 def _number(field: Field, value: float) -> float:

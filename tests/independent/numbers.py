@@ -143,6 +143,24 @@ def in_range(field: Field, value: float) -> bool:
     return low <= value < high if field.wraps else low <= value <= high
 
 
+def reaches(field: Field, value: float) -> bool:
+    """Tell whether a received number lies in the range, with the singles of its ends."""
+    if in_range(field, value) or field.range is None:
+        return in_range(field, value)
+    return field.type == "float32" and single(field.range[0]) <= value <= single(field.range[1])
+
+
+def at_end(field: Field, value: float) -> float:
+    """Return the end of the range for the single of one beyond it, as a sender takes it."""
+    if field.range is None or field.type in INTEGERS or field.range[0] <= value <= field.range[1]:
+        return value
+    low, high = field.range
+    near = single(value) if field.type == "float32" else value
+    if near == single(high) and near > high:
+        return low if field.wraps else high
+    return low if near == single(low) and near < low else value
+
+
 def fold(field: Field, value: float) -> float:
     """Fold a number into its range, if the field wraps."""
     if field.range is None or not field.wraps or not math.isfinite(value):

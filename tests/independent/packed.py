@@ -61,6 +61,9 @@ def _skip_one(types: Types, field: Field, bits: Bits) -> None:
 
 
 def _skip_number(field: Field, bits: Bits) -> None:
+    if field.nan and not bits.take(1):
+        bits.take(bits.take(1))
+        return
     grid = numbers.grid(field)
     full = 32 if field.type == "float32" else 64
     if field.type in INTEGERS:
@@ -140,6 +143,19 @@ def _one(types: Types, field: Field, bits: Bits) -> Any:
 
 
 def _number(field: Field, bits: Bits) -> float:
+    if not field.nan:
+        return _value(field, bits)
+    if not bits.take(1):
+        if not bits.take(1):
+            return math.nan
+        return -math.inf if bits.take(1) else math.inf
+    value = _value(field, bits)
+    if not math.isfinite(value):
+        raise ReadError("no value in a longer form")
+    return value
+
+
+def _value(field: Field, bits: Bits) -> float:
     grid = numbers.grid(field)
     if grid is None:
         value = numbers.bounded(field, _float(field, bits))
@@ -158,7 +174,7 @@ def _number(field: Field, bits: Bits) -> float:
     if index != grid.count or not escape:
         raise ReadError("outside of the range")
     value = _full(field, bits)
-    if numbers.in_range(field, value):
+    if numbers.reaches(field, value):
         raise ReadError("a number within its range has an index")
     return value
 
@@ -176,6 +192,8 @@ def _float(field: Field, bits: Bits) -> float:
     value = float(struct.unpack(">f" if size == 4 else ">d", raw.to_bytes(size, "big"))[0])
     if math.isnan(value) and raw != _NANS[size]:
         raise ReadError("another NaN")
+    if field.is_finite and not math.isfinite(value):
+        raise ReadError("no value in a longer form")
     return value
 
 
@@ -207,10 +225,11 @@ def _string(field: Field, bits: Bits) -> str:
 
 def _length(field: Field, bits: Bits) -> int:
     if field.max_length is not None:
-        length = bits.take(width(field.max_length + 1))
-        if length > field.max_length:
+        spread = field.max_length - field.min_length
+        length = bits.take(width(spread + 1)) if spread or not field.min_length else 0
+        if length > spread:
             raise ReadError("too long")
-        return length
+        return field.min_length + length
     length = 0
     shift = 0
     more = 1
@@ -221,7 +240,7 @@ def _length(field: Field, bits: Bits) -> int:
             raise ReadError("not in shortest form")
         length |= group << shift
         shift += 7
-    return length
+    return field.min_length + length
 
 
 def _put_fields(types: Types, name: str, value: Mapping[str, Any], writer: BitOutput) -> None:
@@ -262,6 +281,15 @@ def _put_one(types: Types, field: Field, value: Any, writer: BitOutput) -> None:
 
 
 def _put_number(field: Field, value: float, writer: BitOutput) -> None:
+    if field.nan and not math.isfinite(value):
+        writer.put(0, 1)
+        writer.put(int(math.isinf(value)), 1)
+        if math.isinf(value):
+            writer.put(int(value < 0), 1)
+        return
+    if field.nan:
+        writer.put(1, 1)
+    value = numbers.at_end(field, value)
     grid = numbers.grid(field)
     if grid is None:
         _put_float(field, numbers.fold(field, value), writer)
@@ -314,8 +342,11 @@ def _put_string(field: Field, value: str, writer: BitOutput) -> None:
 
 
 def _put_length(field: Field, length: int, writer: BitOutput) -> None:
+    length -= field.min_length
     if field.max_length is not None:
-        writer.put(length, width(field.max_length + 1))
+        spread = field.max_length - field.min_length
+        if spread or not field.min_length:
+            writer.put(length, width(spread + 1))
         return
     while length > 127:
         writer.put(1 << 7 | length & 127, 8)

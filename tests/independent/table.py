@@ -31,6 +31,10 @@ class Field:
     length: int | None = None
     max_length: int | None = None
     optional: bool = False
+    min_length: int = 0
+    nan: bool = False
+    is_finite: bool = False
+    """It stands behind the bit, or in the column, that says that there is a value."""
 
     @property
     def is_array(self) -> bool:
@@ -209,6 +213,8 @@ def field_of(plain: Mapping[str, Any]) -> Field:
         length=plain.get("length"),
         max_length=plain.get("max_length"),
         optional=plain.get("optional", False),
+        min_length=plain.get("min_length") or 0,
+        nan=plain.get("nan", False),
     )
 
 

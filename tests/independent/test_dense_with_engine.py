@@ -46,6 +46,8 @@ def _number(rng: random.Random, name: str, **more: Any) -> _Field:
     still = rng.random()
 
     def after(value: float | None) -> float:
+        if spec.nan and rng.random() < 0.2:
+            return rng.choice((math.nan, math.nan, math.inf, -math.inf))
         if value is None or not low <= value < high or rng.random() < 0.03:
             return rng.uniform(low, high)
         if rng.random() < still:
@@ -78,9 +80,10 @@ def _other(rng: random.Random, name: str) -> _Field:
             lambda _: rng.choice(words) + rng.choice(("", str(rng.randint(0, 999)))),
         )
     if kind == "bytes":
-        most = rng.choice((None, 9))
-        spec = FieldSpec(name=name, type="bytes", max_length=most)
-        return _Field(spec, lambda _: rng.randbytes(rng.choice((0, 2, 9, 9 if most else 40))))
+        most, least = rng.choice(((None, None), (9, None), (9, 9), (None, 2)))
+        spec = FieldSpec(name=name, type="bytes", max_length=most, min_length=least)
+        sizes = [size for size in (0, 2, 9, 9 if most else 40) if size >= (least or 0)]
+        return _Field(spec, lambda _: rng.randbytes(rng.choice(sizes)))
     draws: dict[str, Callable[[Any], Any]] = {
         "bool": lambda _: rng.random() < 0.1,
         "uint64": lambda old: ((old or 9) + rng.choice((1, 7, 1 << 25, 1 << 45))) % (1 << 64),
@@ -93,7 +96,8 @@ def _other(rng: random.Random, name: str) -> _Field:
 def _any(rng: random.Random, name: str) -> _Field:
     if rng.random() < 0.4:
         return _other(rng, name)
-    found = _number(rng, name, outside=rng.choice(("reject", "reject", "escape")))
+    outside = rng.choice(("reject", "reject", "escape"))
+    found = _number(rng, name, outside=outside, nan=rng.random() < 0.2)
     if rng.random() < 0.2:
         found = _optional(rng, found)
     if rng.random() < 0.15:

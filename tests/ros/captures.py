@@ -49,5 +49,10 @@ PUBLISHED_HASHES: Final = {
     "example_interfaces/action/Fibonacci_SendGoal": "d1a57fb2",
     "example_interfaces/action/Fibonacci_GetResult": "1b0de0d5",
     "example_interfaces/action/Fibonacci_FeedbackMessage": "c1de71af",
+    "geographic_msgs/msg/MapFeature": "925101fc",
+    "geographic_msgs/msg/RouteNetwork": "a5954521",
+    "geographic_msgs/msg/RoutePath": "e4b22c83",
+    "geographic_msgs/srv/GetRoutePlan": "1c08a731",
+    "type_description_interfaces/srv/GetTypeDescription": "69b9c19c",
 }
 """The first digits of what ROS 2 itself says."""

@@ -1,6 +1,8 @@
 """ROS messages as types: CDR to values and back, for every message that there is."""
 
+import math
 import struct
+from pathlib import Path
 from typing import Any, Final
 
 import pytest
@@ -210,3 +212,89 @@ def test_a_fixed_array_of_bytes_has_its_length() -> None:
     assert ros.read(ros.write({"uuid": bytes(range(16))}))[0] == {"uuid": bytes(range(16))}
     with pytest.raises(PayloadInvalidError, match="uuid has 3 bytes; allowed: 16"):
         ros.write({"uuid": b"abc"})
+
+
+def test_all_bounds_of_a_definition_are_in_the_type(tmp_path: Path) -> None:
+    """What could not be written at the other end is refused before it is sent."""
+    (tmp_path / "my_msgs/msg").mkdir(parents=True)
+    text = "uint8[4] id\nbyte[<=3] few\nstring<=5 name\nfloat32[<=2] two\nstring<=2[<=2] words\n"
+    (tmp_path / "my_msgs/msg/Bounded.msg").write_text(text)
+    own = Interfaces("jazzy", tmp_path)
+    ros = RosMessage(own, TypeMapper(own), "my_msgs/msg/Bounded")
+    value = {"id": bytes(4), "few": b"abc", "name": "abcde", "two": [1.0] * 2}
+    value["words"] = [{"text": "ab"}] * 2
+    codec = PackedCodec(ros.spec)
+    assert ros.read(ros.write(codec.decode(codec.encode(value))))[0] == value
+    for field, wrong in (
+        ("id", bytes(3)),
+        ("id", bytes(5)),
+        ("few", b"abcd"),
+        ("name", "abcdef"),
+        ("two", [1.0] * 3),
+        ("words", [{"text": "ab"}] * 3),
+        ("words", [{"text": "abc"}]),
+    ):
+        with pytest.raises(PayloadInvalidError, match=f"{field}.* has .* allowed: "):
+            codec.encode(value | {field: wrong})
+    longer = Overlay(type="my_msgs/msg/Bounded", fields=(OverlayField(field="few", max_length=4),))
+    with pytest.raises(ConfigError, match="few: max_length: 4; allowed: at most 3"):
+        TypeMapper(own, [longer]).map("my_msgs/msg/Bounded")
+
+
+def test_a_member_without_a_value_crosses_beside_its_bounds() -> None:
+    name = "sensor_msgs/msg/BatteryState"
+    rule = OverlayField(field="*e", range=(-500, 500), step=0.01, nan=True)
+    ros, plain = message(name, Overlay(type=name, fields=(rule,))), message(name)
+    value = plain.read(plain.write({}))[0] | {"voltage": 24.5, "charge": math.nan}
+    value["temperature"] = -math.inf
+    for codec in (CborCodec(ros.spec), PackedCodec(ros.spec)):
+        got = ros.write(codec.decode(codec.encode(ros.read(plain.write(value))[0])))
+        assert got == plain.write(value)
+
+
+def test_a_single_byte_is_an_octet_both_ways() -> None:
+    ros = message("std_msgs/msg/Byte")
+    for octet in (0, 127, 128, 200, 255):
+        cdr = bytes.fromhex("00010000") + bytes((octet,))
+        assert ros.read(cdr)[0] == ros.spec.validate({"data": octet}) == {"data": octet}
+        assert ros.write({"data": octet}) == cdr
+    level = OverlayField(field="data", constant=200)
+    always = message("std_msgs/msg/Byte", Overlay(type="std_msgs/msg/Byte", fields=(level,)))
+    cdr = bytes.fromhex("00010000c8")
+    assert always.write(always.read(cdr)[0]) == cdr
+    with pytest.raises(PayloadInvalidError, match="data is 201; allowed: 200"):
+        always.read(bytes.fromhex("00010000c9"))
+
+
+def test_of_a_sequence_of_messages_without_members_the_number_crosses(tmp_path: Path) -> None:
+    for name, text in (
+        ("Nothing", "uint8 SOME=1\n"),
+        ("Several", "Nothing[] all\nNothing[<=3] few\nNothing[2] two\nbool last\n"),
+    ):
+        (tmp_path / "my_msgs/msg").mkdir(parents=True, exist_ok=True)
+        (tmp_path / f"my_msgs/msg/{name}.msg").write_text(text)
+    own = Interfaces("jazzy", tmp_path)
+    ros = RosMessage(own, TypeMapper(own), "my_msgs/msg/Several")
+    value = {"all": 5, "few": 3, "last": True}
+    assert [(field.name, field.range) for field in ros.spec.fields[:2]] == [
+        ("all", (0, 65535)),
+        ("few", (0, 3)),
+    ]
+    assert ros.read(ros.write(value))[0] == value
+    with pytest.raises(PayloadInvalidError, match=r"few is 4; allowed: 0\.\.3"):
+        ros.spec.validate(value | {"few": 4})
+
+
+def test_a_sequence_whose_elements_are_left_out_has_their_number_and_constants() -> None:
+    fields = (
+        OverlayField(field="values.key", constant="V"),
+        OverlayField(field="values.value", omit=True),
+    )
+    name = "diagnostic_msgs/msg/DiagnosticStatus"
+    ros, plain = message(name, Overlay(type=name, fields=fields)), message(name)
+    value = filled(name) | {"values": [{"key": "V", "value": ""}] * 2}
+    read = ros.read(plain.write(value))[0]
+    assert read["values"] == 2
+    assert plain.read(ros.write(read))[0] == value
+    with pytest.raises(PayloadInvalidError, match="key is 'A'"):
+        ros.read(plain.write(value | {"values": [{"key": "A", "value": ""}]}))

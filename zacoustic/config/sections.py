@@ -141,9 +141,11 @@ ALLOWED: Final = {
     "unit": "a text",
     "wraps": "true, false",
     "outside": "reject, clamp, escape",
+    "nan": "true, false",
     "optional": "true, false",
     "length": "a number, 1..65535",
     "max_length": "a number, 1..65535",
+    "min_length": "a number, 1..65535",
     "default": "a value of the field's type",
     "security": "{ key, members, mode, seal, strong, pad, overlap_s, reply_share, lives, "
     "emergency }",

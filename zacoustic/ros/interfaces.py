@@ -22,6 +22,8 @@ DEFAULT_DISTRO: Final = "jazzy"
 """The default distribution."""
 
 _WITHOUT_HASH: Final = "humble"
+# Types have descriptions where they have hashes.
+_DESCRIPTIONS: Final = "type_description_interfaces/"
 _PREFIX: Final = "ros2_"
 # rmw_zenoh exists from Humble on.
 _TOO_OLD: Final = ("dashing", "eloquent", "foxy", "galactic")
@@ -148,6 +150,8 @@ def _known(distro: str) -> dict[str, Members]:
     store = get_typestore(Stores(_PREFIX + (known[-1] if distro == "rolling" else distro)))
     found: dict[str, Members] = {}
     for name, text in shipped().items():
+        if distro == _WITHOUT_HASH and name.startswith(_DESCRIPTIONS):
+            continue
         found |= parse_definition(name, text)
     found |= {name: members_of(entries) for name, (_, entries) in store.fielddefs.items()}
     return found

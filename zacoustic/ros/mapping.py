@@ -7,9 +7,10 @@ ROS                                      on the channel
 ``byte``, ``char``                       ``uint8``
 array, bounded sequence                  a list of that many, of at most that many
 sequence without a bound                 a list of at most `LONGEST_SEQUENCE`
-several ``uint8``, ``byte``, ``char``    ``bytes``
+several ``uint8``, ``byte``, ``char``    ``bytes``, as many or at most as many
 sequence of ``string``                   a list of ``{text}``
 another message                          another type; one without members is left out
+sequence of messages without members     their number, ``uint16``
 =======================================  ======================================================
 
 Overlays add their rules. What they leave out is known to both ends: a constant, or zero. If a rule
@@ -194,7 +195,7 @@ class TypeMapper:
             if self._on_desert and not inner.spec.is_hidden:
                 self._refuse(f"{called}.{member.name}: a message without members in another one")
             if member.is_sequence:
-                raise ConfigError(f"{called}.{member.name}: a sequence of what has no members")
+                return _counted_part(member, attribute, ended, read, write({}))
             check: Convert = (lambda each: [*map(read, each)]) if is_several else read
             return _Part(attribute=attribute, standing_in=made, check=check)
         nested[name] = inner.spec
@@ -215,7 +216,8 @@ class TypeMapper:
         raise ConfigError(f'{what} with wire: "{wire}"; allowed: what that has')
 
     def _constant(self, member: Member, attribute: str, called: str, constant: Any) -> _Part:  # noqa: ANN401
-        field = _scalar_part(member, attribute, called, []).field
+        part = _scalar_part(member, attribute, called, [])
+        field, read, write = part.field, part.read or _same, part.write or _same
         if member.is_nested or member.is_array or member.is_sequence or field is None:
             raise ConfigError(f"{called}.{member.name}: constant; allowed: for single values")
         check = TypeSpec(name=called, fields=(field,)).validate
@@ -225,13 +227,13 @@ class TypeMapper:
             raise ConfigError(f"constant: {error}") from None
 
         def refuse(given: object) -> None:
-            if given != value:
+            if read(given) != value:
                 raise PayloadInvalidError(
-                    f"{attribute} is {shown(given)}; "
+                    f"{attribute} is {shown(read(given))}; "
                     f"allowed: {shown(value)}, the constant of its overlay"
                 )
 
-        return _Part(attribute=attribute, standing_in=value, check=refuse)
+        return _Part(attribute=attribute, standing_in=write(value), check=refuse)
 
     def _zero(self, member: Member) -> Any:  # noqa: ANN401 (of any type)
         """Return the value of a member that is not set."""
@@ -251,12 +253,21 @@ class TypeMapper:
         return several if member.is_nested or member.type == "string" else _array(member)(several)
 
 
+def _same(value: Any) -> Any:  # noqa: ANN401 (of any type)
+    return value
+
+
 def _scalar_part(
     member: Member, attribute: str, called: str, rules: list[Rule], *, is_listed: bool = False
 ) -> _Part:
     is_several = member.is_array or member.is_sequence
     if is_several and member.type in _OCTETS and not is_listed:
-        field = FieldSpec(name=member.name, type="bytes", max_length=member.count or None)
+        field = FieldSpec(
+            name=member.name,
+            type="bytes",
+            max_length=member.count or None,
+            min_length=member.count if member.is_array else None,
+        )
         return _Part(
             attribute=attribute,
             field=_applied(field, rules, called),
@@ -274,7 +285,33 @@ def _scalar_part(
             read=lambda array: array.tolist(),
             write=_array(member),
         )
+    if member.type == "byte":  # an octet, which `rosbags` takes for an int8
+        return _Part(
+            attribute=attribute,
+            field=field,
+            read=lambda octet: octet & 0xFF,
+            write=lambda octet: octet - ((octet & 0x80) << 1),
+        )
     return _Part(attribute=attribute, field=field)
+
+
+def _counted_part(
+    member: Member,
+    attribute: str,
+    rules: list[Rule],
+    read: Convert,
+    single: Any,  # noqa: ANN401
+) -> _Part:
+    """Map a sequence of messages of which nothing crosses but their number."""
+    bounds = [rule.said.max_length for rule in rules if rule.said.max_length is not None]
+    most = min([member.count or LONGEST_SEQUENCE, LONGEST_SEQUENCE, *bounds])
+    return _Part(
+        attribute=attribute,
+        field=FieldSpec(name=member.name, type="uint16", range=(0, most)),
+        read=lambda objects: len([*map(read, objects)]),
+        write=lambda count: [single] * count,
+        standing_in=[],
+    )
 
 
 def _texts_part(

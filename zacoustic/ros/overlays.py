@@ -12,6 +12,7 @@ from fnmatch import fnmatchcase
 import msgspec
 
 from zacoustic.core.values.types import FieldSpec
+from zacoustic.errors import ConfigError
 
 Constant = bool | int | float | str
 
@@ -30,6 +31,8 @@ class OverlayField(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     wraps: bool | None = None
     """As in `FieldSpec`."""
     outside: str | None = None
+    """As in `FieldSpec`."""
+    nan: bool | None = None
     """As in `FieldSpec`."""
     values: tuple[str, ...] = ()
     """The values that a string can have: it becomes an enum."""
@@ -90,7 +93,7 @@ def applied(field: FieldSpec, rules: Iterable[Rule]) -> FieldSpec:
     """
     changes: dict[str, object] = {}
     for rule in rules:
-        for key in ("range", "step", "unit", "wraps", "outside", "max_length"):
+        for key in ("range", "step", "unit", "wraps", "outside", "nan", "max_length"):
             value = getattr(rule.said, key)
             if value is not None:
                 changes[key] = value
@@ -98,6 +101,11 @@ def applied(field: FieldSpec, rules: Iterable[Rule]) -> FieldSpec:
             changes["values"] = rule.said.values
     if not changes:
         return field
+    longest = changes.get("max_length")
+    if isinstance(longest, int) and longest > (field.max_length or longest):
+        raise ConfigError(
+            f"max_length: {longest}; allowed: at most {field.max_length}, as its definition says"
+        )
     if "values" in changes and field.type == "string":
         changes["type"] = "enum"
     kept = {key: getattr(field, key) for key in FieldSpec.__struct_fields__}

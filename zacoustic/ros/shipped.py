@@ -1,11 +1,48 @@
-"""Common services and actions, which `rosbags` lacks: it has messages only.
+"""Common definitions that `rosbags` lacks: services, actions, and the messages of geographic_msgs.
 
-They are from the packages `action_msgs`, `example_interfaces`, `lifecycle_msgs`, `nav_msgs`,
-`rcl_interfaces` and `std_srvs`, and the same in all distributions since Humble. Put others in a
+The services and actions are from the packages `action_msgs`, `example_interfaces`,
+`geographic_msgs`, `lifecycle_msgs`, `nav_msgs`, `rcl_interfaces`, `std_srvs` and
+`type_description_interfaces`, and the same in all distributions that have them. Put others in a
 folder of definitions that the configuration names.
 """
 
 from typing import Final
+
+_UUID: Final = "unique_identifier_msgs/UUID"
+
+MESSAGES: Final = {
+    "geographic_msgs/msg/BoundingBox": "GeoPoint min_pt\nGeoPoint max_pt",
+    "geographic_msgs/msg/GeoPath": "std_msgs/Header header\nGeoPoseStamped[] poses",
+    "geographic_msgs/msg/GeoPoint": "float64 latitude\nfloat64 longitude\nfloat64 altitude",
+    "geographic_msgs/msg/GeoPointStamped": "std_msgs/Header header\nGeoPoint position",
+    "geographic_msgs/msg/GeoPose": "GeoPoint position\ngeometry_msgs/Quaternion orientation",
+    "geographic_msgs/msg/GeoPoseStamped": "std_msgs/Header header\nGeoPose pose",
+    "geographic_msgs/msg/GeoPoseWithCovariance": "GeoPose pose\nfloat64[36] covariance",
+    "geographic_msgs/msg/GeoPoseWithCovarianceStamped": (
+        "std_msgs/Header header\nGeoPoseWithCovariance pose"
+    ),
+    "geographic_msgs/msg/GeographicMap": (
+        f"std_msgs/Header header\n{_UUID} id\nBoundingBox bounds\nWayPoint[] points\n"
+        "MapFeature[] features\nKeyValue[] props"
+    ),
+    "geographic_msgs/msg/GeographicMapChanges": (
+        f"std_msgs/Header header\nGeographicMap diffs\n{_UUID}[] deletes"
+    ),
+    "geographic_msgs/msg/KeyValue": "string key\nstring value",
+    "geographic_msgs/msg/MapFeature": f"{_UUID} id\n{_UUID}[] components\nKeyValue[] props",
+    "geographic_msgs/msg/RouteNetwork": (
+        f"std_msgs/Header header\n{_UUID} id\nBoundingBox bounds\nWayPoint[] points\n"
+        "RouteSegment[] segments\nKeyValue[] props"
+    ),
+    "geographic_msgs/msg/RoutePath": (
+        f"std_msgs/Header header\n{_UUID} network\n{_UUID}[] segments\nKeyValue[] props"
+    ),
+    "geographic_msgs/msg/RouteSegment": (
+        f"{_UUID} id\n{_UUID} start\n{_UUID} end\nKeyValue[] props"
+    ),
+    "geographic_msgs/msg/WayPoint": f"{_UUID} id\nGeoPoint position\nKeyValue[] props",
+}
+"""Name of each message, with its members."""
 
 SERVICES: Final = {
     "action_msgs/srv/CancelGoal": (
@@ -17,6 +54,27 @@ SERVICES: Final = {
     "example_interfaces/srv/AddTwoInts": ("", "int64 a\nint64 b", "int64 sum"),
     "example_interfaces/srv/SetBool": ("", "bool data", "bool success\nstring message"),
     "example_interfaces/srv/Trigger": ("", "", "bool success\nstring message"),
+    "geographic_msgs/srv/GetGeoPath": (
+        "",
+        "GeoPoint start\nGeoPoint goal",
+        f"bool success\nstring status\nGeoPath plan\n{_UUID} network\n{_UUID} start_seg\n"
+        f"{_UUID} goal_seg\nfloat64 distance",
+    ),
+    "geographic_msgs/srv/GetGeographicMap": (
+        "",
+        "string url\nBoundingBox bounds",
+        "bool success\nstring status\nGeographicMap map",
+    ),
+    "geographic_msgs/srv/GetRoutePlan": (
+        "",
+        f"{_UUID} network\n{_UUID} start\n{_UUID} goal",
+        "bool success\nstring status\nRoutePath plan",
+    ),
+    "geographic_msgs/srv/UpdateGeographicMap": (
+        "",
+        "GeographicMapChanges updates",
+        "bool success\nstring status",
+    ),
     "lifecycle_msgs/srv/ChangeState": ("", "Transition transition", "bool success"),
     "lifecycle_msgs/srv/GetAvailableStates": ("", "", "State[] available_states"),
     "lifecycle_msgs/srv/GetAvailableTransitions": (
@@ -56,6 +114,12 @@ SERVICES: Final = {
     "std_srvs/srv/Empty": ("", "", ""),
     "std_srvs/srv/SetBool": ("", "bool data", "bool success\nstring message"),
     "std_srvs/srv/Trigger": ("", "", "bool success\nstring message"),
+    "type_description_interfaces/srv/GetTypeDescription": (
+        "",
+        "string type_name\nstring type_hash\nbool include_type_sources true",
+        "bool successful\nstring failure_reason\nTypeDescription type_description\n"
+        "TypeSource[] type_sources\nKeyValue[] extra_information",
+    ),
 }
 """Name of each service, with its constants, request and response."""
 
@@ -88,5 +152,6 @@ def shipped() -> dict[str, str]:
         for name, (constants, request, response) in SERVICES.items()
     }
     texts |= {name: "\n---\n".join(parts) for name, parts in ACTIONS.items()}
+    texts |= MESSAGES
     texts["service_msgs/msg/ServiceEventInfo"] = EVENT_INFO
     return texts

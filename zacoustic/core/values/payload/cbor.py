@@ -13,6 +13,7 @@ number with a step          integer: the multiple of the step, see
 ... outside, escaping       float: the number itself; integer: its multiple of the step
 float32                     half where that is exact, else single
 float64                     the shortest of half, single, double that is exact
+float that may be no value  ``f97e00``, ``f97c00``, ``f9fc00``, else as above
 string, bytes               text, bytes
 enum                        unsigned: the position in `values`
 another type                the items of its fields, in place

@@ -15,8 +15,9 @@ number with step and range  multiple of the step less that of the least value
 ... that escapes            one number more announces the full width of the type
 number with a step only     6 bits: width; then sign and magnitude
 float without step          its 32 or 64 bits
+float that may be no value  1 and the number; ``00`` NaN, ``010`` infinity, ``011`` minus infinity
 string                      1: ASCII? length; 7 or 8 bits a character
-bytes                       length, 8 bits each
+bytes                       length, 8 bits each; no length where there is only one
 another type                its fields, in place
 fixed array                 its elements
 bounded array               number of elements, then these

@@ -5,6 +5,7 @@ channel: a number, count or form that the type does not allow is a `PayloadError
 takes at least one bit, so a payload bounds the work that it can cause.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import Any
@@ -12,7 +13,7 @@ from typing import Any
 from zacoustic.core.values.payload.bits import BitSink, BitSource
 from zacoustic.core.values.payload.codec import PayloadError
 from zacoustic.core.values.payload.exact import ExactNumber
-from zacoustic.core.values.types import FieldSpec, Lattice, TypeSpec
+from zacoustic.core.values.types import Ends, FieldSpec, Lattice, TypeSpec
 
 
 class Packing(ABC):
@@ -72,15 +73,17 @@ class _Index(Packing):
         self.smallest_bits = self._width
         self.largest_bits = self._width + (self._exact.width if self._exact else 0)
         self._low, self._high = field.bounds if field.escapes else (0, 0)
+        self._least, self._greatest = self._low, self._high
+        if field.escapes and not field.is_integer:
+            ends = Ends(field)
+            self._least, self._greatest = ends.least, ends.greatest
+        self._is_finite = field.nan
 
     def write(self, writer: BitSink, value: Any) -> None:  # noqa: ANN401
-        if self._exact is not None and not self._is_inside(value):
-            rounded = self._exact.rounded(value)
-            if not self._is_inside(rounded):
-                writer.write(self._lattice.size, self._width)
-                writer.write(self._exact.bits(value), self._exact.width)
-                return
-            value = rounded
+        if self._exact is not None and not self._low <= value <= self._high:
+            writer.write(self._lattice.size, self._width)
+            writer.write(self._exact.bits(value), self._exact.width)
+            return
         writer.write(self._lattice.index(value), self._width)
 
     def read(self, reader: BitSource) -> Any:  # noqa: ANN401
@@ -90,7 +93,7 @@ class _Index(Packing):
         if self._exact is None or index >= self._codes:
             raise PayloadError(f"{self._name} is {index}; allowed: 0..{self._codes - 1}")
         number = self._exact.number(reader.read(self._exact.width))
-        if self._is_inside(number):
+        if self._least <= number <= self._greatest or (self._is_finite and number - number != 0):
             raise PayloadError(f"{self._name} is {number} in a longer form than needed")
         return number
 
@@ -99,9 +102,6 @@ class _Index(Packing):
             reader.skip(self._width)
         elif reader.read(self._width) == self._lattice.size:
             reader.skip(self._exact.width)
-
-    def _is_inside(self, number: float) -> bool:
-        return self._low <= number <= self._high
 
 
 class _Count(Packing):
@@ -147,11 +147,10 @@ class _Exact(Packing):
         self._name = field.name
         self._range = None if field.escapes else field.range
         self._wraps = field.wraps
+        self._is_finite = field.nan
         if self._range is not None:
-            # An end of the range that is no float32 travels as its neighbour, which may lie
-            # outside.
-            self._least = self._exact.rounded(self._range[0])
-            self._greatest = self._exact.rounded(self._range[1])
+            ends = Ends(field)
+            self._least, self._greatest = ends.least, ends.greatest
 
     def write(self, writer: BitSink, value: float) -> None:
         if self._wraps and self._range is not None and self._exact.rounded(value) >= self._range[1]:
@@ -160,6 +159,8 @@ class _Exact(Packing):
 
     def read(self, reader: BitSource) -> float:
         number = self._exact.number(reader.read(self._exact.width))
+        if self._is_finite and number - number != 0:
+            raise PayloadError(f"{self._name} is {number} in a longer form than needed")
         if self._range is None:
             return number
         low, high = self._range
@@ -171,15 +172,52 @@ class _Exact(Packing):
         reader.skip(self._exact.width)
 
 
-class _Length:
-    """A length: in as many bits as the bound needs, or seven bits at a time without a bound."""
+class _Special(Packing):
+    """A float that may be no value: one bit if it is a number, else which it is instead."""
 
-    def __init__(self, name: str, longest: int | None) -> None:
+    def __init__(self, number: Packing) -> None:
+        self._number = number
+        self.smallest_bits = 2
+        self.largest_bits = _sum((number.largest_bits, 1))
+
+    def write(self, writer: BitSink, value: float) -> None:
+        if value - value == 0:
+            writer.write(1, 1)
+            self._number.write(writer, value)
+        elif value != value:
+            writer.write(0b00, 2)
+        else:
+            writer.write(0b010 | (value < 0), 3)
+
+    def read(self, reader: BitSource) -> float:
+        if reader.read(1):
+            number: float = self._number.read(reader)
+            return number
+        if not reader.read(1):
+            return math.nan
+        return -math.inf if reader.read(1) else math.inf
+
+    def skip(self, reader: BitSource) -> None:
+        if reader.read(1):
+            self._number.skip(reader)
+        elif reader.read(1):
+            reader.skip(1)
+
+
+class _Length:
+    """A length: in as many bits as the bounds need, or seven bits at a time without an upper one.
+
+    What is written is the distance from the shortest length.
+    """
+
+    def __init__(self, name: str, longest: int | None, shortest: int = 0) -> None:
         self._name = name
         self._longest = longest
-        self.bits = 8 if longest is None else longest.bit_length()
+        self.shortest = shortest
+        self.bits = 8 if longest is None else (longest - shortest).bit_length()
 
     def write(self, writer: BitSink, count: int) -> None:
+        count -= self.shortest
         if self._longest is not None:
             writer.write(count, self.bits)
             return
@@ -193,7 +231,8 @@ class _Length:
         count = reader.read(self.bits)
         if self._longest is None:
             count = self._read_sevens(reader, count)
-        elif count > self._longest:
+        count += self.shortest
+        if self._longest is not None and count > self._longest:
             raise PayloadError(f"{self._name} has {count} elements; allowed: {self._longest}")
         if count * element_bits > reader.bits_left:
             raise PayloadError(f"{self._name} has {count} elements in {reader.bits_left} bits")
@@ -215,12 +254,13 @@ class _Octets(Packing):
 
     def __init__(self, field: FieldSpec) -> None:
         self._name = field.name
-        self._length = _Length(field.name, field.max_length)
+        self._length = _Length(field.name, field.max_length, field.min_length or 0)
         self._is_text = field.type == "string"
-        self.smallest_bits = self._length.bits + self._is_text
+        head_bits = self._length.bits + self._is_text
+        self.smallest_bits = head_bits + (8 - self._is_text) * self._length.shortest
         self.largest_bits = None
         if field.max_length is not None:
-            self.largest_bits = self.smallest_bits + 8 * field.max_length
+            self.largest_bits = head_bits + 8 * field.max_length
 
     def write(self, writer: BitSink, value: str | bytes) -> None:
         width = 8
@@ -314,15 +354,22 @@ def field_packing(type_spec: TypeSpec, field: FieldSpec) -> Packing:
     packing: Packing
     if field.is_nested:
         packing = TypePacking(type_spec.nested_type(field.type))
-    elif field.is_numeric and field.range is None and not field.is_integer:
-        packing = _Exact(field) if field.step is None else _Count(field)
-    elif Lattice.has_lattice(field):
-        packing = _Index(field)
     else:
-        packing = _Exact(field) if field.is_numeric else _Octets(field)
+        packing = value_packing(field)
+    if field.nan:
+        packing = _Special(packing)
     if field.is_array:
         packing = _Elements(field, packing)
     return _Optional(packing) if field.optional else packing
+
+
+def value_packing(field: FieldSpec) -> Packing:
+    """Make the packing of one element of a scalar type; of one that may be no value, the number."""
+    if field.is_numeric and field.range is None and not field.is_integer:
+        return _Exact(field) if field.step is None else _Count(field)
+    if Lattice.has_lattice(field):
+        return _Index(field)
+    return _Exact(field) if field.is_numeric else _Octets(field)
 
 
 def _sum(sizes: Iterable[int | None]) -> int | None:

@@ -6,10 +6,8 @@ end of the buffer it may raise `IndexError` or `struct.error`, which the codec c
 check only the structure; `measure` uses them.
 """
 
-import math
-import struct
 from collections.abc import Callable
-from typing import Any, Final
+from typing import Any
 
 import msgspec
 
@@ -27,12 +25,10 @@ from zacoustic.core.values.payload.items import (
     read_length,
     skip_item,
 )
-from zacoustic.core.values.types import INTEGER_LIMITS, FieldSpec, Quantiser, TypeSpec
+from zacoustic.core.values.types import INTEGER_LIMITS, Ends, FieldSpec, Quantiser, TypeSpec
 
 Read = Callable[[bytes, int], tuple[Any, int]]
 Skip = Callable[[bytes, int], int]
-
-_SINGLE: Final = struct.Struct(">f")
 
 
 def compile_reader(type_spec: TypeSpec) -> Read:
@@ -148,9 +144,9 @@ def _step_reader(field: FieldSpec) -> Read:
             return value(count), offset
         raise PayloadError(f"{field.name} is {count} steps; allowed: {low}..{high}")
 
-    if not field.escapes:
-        return read
-    return _far_reader(field, read) if field.is_integer else _escape_reader(field, read)
+    if field.is_integer:
+        return _far_reader(field, read) if field.escapes else read
+    return _float_or_steps_reader(field, read) if field.escapes or field.nan else read
 
 
 def _far_reader(field: FieldSpec, read_count: Read) -> Read:
@@ -170,18 +166,22 @@ def _far_reader(field: FieldSpec, read_count: Read) -> Read:
     return read
 
 
-def _escape_reader(field: FieldSpec, read_count: Read) -> Read:
-    """Make a reader that accepts the float itself outside of the range."""
-    low, high = field.bounds
-    anything = msgspec.structs.replace(field, range=None, step=None, outside="reject")
+def _float_or_steps_reader(field: FieldSpec, read_count: Read) -> Read:
+    """Make a reader that accepts a float itself, if it is outside of the range or no value."""
+    ends = Ends(field)
+    anything = msgspec.structs.replace(
+        field, range=None, step=None, wraps=False, outside="reject", nan=False
+    )
     read_exactly = _scalar_reader(anything)
 
     def read(buffer: bytes, offset: int) -> tuple[int | float, int]:
         if buffer[offset] < 0x40:
             return read_count(buffer, offset)
         number, offset = read_exactly(buffer, offset)
-        if low <= number <= high:
+        if ends.least <= number <= ends.greatest:
             raise PayloadError(f"{field.name} is {number} in a longer form than needed")
+        if not field.escapes and number - number == 0:
+            raise _out_of_bounds(field, number)
         return number, offset
 
     return read
@@ -208,6 +208,8 @@ def _double_reader(field: FieldSpec) -> Read:
 
     def read(buffer: bytes, offset: int) -> tuple[float, int]:
         number, offset = read_float(buffer, offset)
+        if field.nan and number - number != 0:
+            return number, offset
         if not low <= number <= high or (field.wraps and number == high):
             raise _out_of_bounds(field, number)
         return number, offset
@@ -216,21 +218,17 @@ def _double_reader(field: FieldSpec) -> Read:
 
 
 def _single_reader(field: FieldSpec) -> Read:
-    low, high = field.range or (-math.inf, math.inf)
-    bounded = field.range is not None and not field.escapes
-    # An end of the range that is no float32 travels as its neighbour, which may lie outside.
-    least = _SINGLE.unpack(_SINGLE.pack(low))[0]
-    greatest = _SINGLE.unpack(_SINGLE.pack(high))[0]
+    ends = Ends(field) if field.range is not None and not field.escapes else None
 
     def read(buffer: bytes, offset: int) -> tuple[float, int]:
         if buffer[offset] == 0xFB:
             raise PayloadError(f"{field.name} is a double; allowed: half, single")
         number, offset = read_float(buffer, offset)
-        if not bounded:
+        if ends is None or (field.nan and number - number != 0):
             return number, offset
-        if not least <= number <= greatest or (field.wraps and number >= high):
+        if not ends.least <= number <= ends.greatest or (field.wraps and number >= ends.high):
             raise _out_of_bounds(field, number)
-        return min(max(number, low), high), offset
+        return min(max(number, ends.low), ends.high), offset
 
     return read
 
@@ -259,12 +257,13 @@ def _text_reader(field: FieldSpec) -> Read:
 
 
 def _bytes_reader(field: FieldSpec, major: int = BYTES) -> Read:
-    longest = field.max_length
+    shortest, longest = field.min_length or 0, field.max_length
 
     def read(buffer: bytes, offset: int) -> tuple[bytes, int]:
         content, offset = read_content(buffer, offset, major)
-        if longest is not None and len(content) > longest:
-            raise PayloadError(f"{field.name} has {len(content)} bytes; allowed: {longest}")
+        if len(content) < shortest or (longest is not None and len(content) > longest):
+            allowed = field.allowed_bytes
+            raise PayloadError(f"{field.name} has {len(content)} bytes; allowed: {allowed}")
         return content, offset
 
     return read

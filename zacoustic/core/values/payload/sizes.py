@@ -1,9 +1,13 @@
 """How small and how large the payload of a type can be, in CBOR by position."""
 
+from typing import Final
+
 import msgspec
 
 from zacoustic.core.values.payload.items import head_bytes, integer_bytes
 from zacoustic.core.values.types import FieldSpec, TypeSpec
+
+_HALF_BYTES: Final = 3  # what NaN and the infinities take
 
 Sizes = tuple[int, int | None]
 """Smallest and largest, bytes; None: no bound."""
@@ -35,6 +39,9 @@ def _field_bytes(type_spec: TypeSpec, field: FieldSpec) -> Sizes:
 
 
 def _scalar_bytes(field: FieldSpec) -> Sizes:
+    if field.nan:
+        smallest, largest = _scalar_bytes(msgspec.structs.replace(field, nan=False))
+        return min(smallest, _HALF_BYTES), max(largest or 0, _HALF_BYTES)
     if field.escapes:
         return _escaping_bytes(field)
     quantiser = field.quantiser
@@ -49,9 +56,9 @@ def _scalar_bytes(field: FieldSpec) -> Sizes:
         return integer_bytes(0, len(field.values) - 1)
     if field.type == "bool":
         return 1, 1
-    if field.max_length is None:
-        return 1, None
-    return 1, head_bytes(field.max_length) + field.max_length
+    shortest, longest = field.min_length or 0, field.max_length
+    largest_text = None if longest is None else head_bytes(longest) + longest
+    return head_bytes(shortest) + shortest, largest_text
 
 
 def _escaping_bytes(field: FieldSpec) -> Sizes:

@@ -3,11 +3,11 @@
 They take what `TypeSpec.validate` returned, and do not check it again.
 """
 
+import math
 import struct
 from collections.abc import Callable
 from typing import Any, Final
 
-from zacoustic.core.values.payload.exact import ExactNumber
 from zacoustic.core.values.payload.items import (
     BYTES,
     FALSE,
@@ -150,20 +150,15 @@ def _step_writer(field: FieldSpec) -> Write:
         steps = count(number)
         payload += _SMALL.get(steps) or integer_item(steps)
 
-    if not field.escapes or field.is_integer:
+    if field.is_integer or not (field.escapes or field.nan):
         return write
     low, high = field.bounds
-    rounded = ExactNumber(field).rounded
+    exactly = _single_writer(field) if field.type == "float32" else _write_float
 
-    def write_or_escape(payload: bytearray, number: float) -> None:
-        if not low <= number <= high:
-            number = rounded(number)  # which may bring a float32 back to the end of its range
-            if not low <= number <= high:
-                payload += float_item(number)
-                return
-        write(payload, number)
+    def write_either(payload: bytearray, number: float) -> None:
+        (write if low <= number <= high else exactly)(payload, number)
 
-    return write_or_escape
+    return write_either
 
 
 def _single_writer(field: FieldSpec) -> Write:
@@ -173,7 +168,7 @@ def _single_writer(field: FieldSpec) -> Write:
 
     def write(payload: bytearray, number: float) -> None:
         single = _SINGLE.unpack(_SINGLE.pack(number))[0]
-        if high is not None and single >= high:
+        if high is not None and high <= single < math.inf:
             single = _SINGLE.unpack(_SINGLE.pack(low))[0]
         payload += float_item(single)
 

@@ -15,6 +15,7 @@ One module each:
 - `fields`: `FieldSpec` and the scalar kinds;
 - `quantiser`: `Quantiser`, numbers with a step as integers and back; `lattice`: `Lattice`, every
   bounded scalar as the integers from 0;
+- `ends`: `Ends`, the ends of a float's range, also in single precision;
 - `outside`: `OutsideNumbers`, the treatment of numbers outside of their range;
 - `scalars`, `validation`: checks of an application's values, compiled once;
 - `spec`: `TypeSpec`; `table`: `TypeTable`, nested types by name;
@@ -31,6 +32,7 @@ bounds the work of its decoder.
 
 from zacoustic.core.values.types.agreement import check_agreement
 from zacoustic.core.values.types.annotations import Bounds
+from zacoustic.core.values.types.ends import Ends
 from zacoustic.core.values.types.fields import FLOAT_TYPES, INTEGER_LIMITS, SCALAR_TYPES, FieldSpec
 from zacoustic.core.values.types.generated import struct_from_type
 from zacoustic.core.values.types.lattice import Lattice
@@ -46,6 +48,7 @@ __all__ = [
     "MAX_DEPTH",
     "SCALAR_TYPES",
     "Bounds",
+    "Ends",
     "FieldSpec",
     "Lattice",
     "OutsideNumbers",

@@ -7,10 +7,11 @@ from zacoustic.core.values.types.spec import TypeSpec
 from zacoustic.errors import ConfigError
 
 _COMPARED: Final = (
-    "range", "step", "wraps", "values", "length", "max_length", "optional", "outside"
+    "range", "step", "wraps", "values", "length", "max_length", "optional", "outside",
+    "min_length", "nan",
 )  # fmt: skip
 # What these are in a class that does not state them.
-_UNSAID: Final = {"wraps": False, "outside": "reject"}
+_UNSAID: Final = {"wraps": False, "outside": "reject", "nan": False}
 
 
 def check_agreement(configured: TypeSpec, python: TypeSpec, *, path: str) -> None:

@@ -25,8 +25,12 @@ class Bounds(msgspec.Struct, frozen=True):
     """Whether `low` and `high` are the same value."""
     max_length: int | None = None
     """The most elements of a list; for a text or bytes, the most bytes."""
+    min_length: int | None = None
+    """The fewest bytes of a text or bytes."""
     outside: str = ""
     """Treatment of a number outside of the range: ``clamp`` or ``escape``; default: refused."""
+    nan: bool = False
+    """Whether the number may be no value: not a number, or an infinity."""
     type: str | None = None
     """A narrower type: ``uint8``, ``float32`` and the like."""
 
@@ -82,6 +86,7 @@ def _said(metadata: object) -> dict[str, Any]:
             "below": metadata.lt,
             "step": metadata.multiple_of,
             "max_length": metadata.max_length,
+            "min_length": metadata.min_length or None,
         }
     else:
         return {}

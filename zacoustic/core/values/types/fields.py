@@ -75,6 +75,8 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Number of elements of a fixed array; None: not a fixed array."""
     max_length: int | None = None
     """The most elements of a bounded array; for a string or bytes, the most bytes."""
+    min_length: int | None = None
+    """The fewest bytes of a string or bytes."""
     optional: bool = False
     """Whether the value may be missing or null."""
     default: Default | None = None
@@ -82,6 +84,8 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     outside: str = "reject"
     """Treatment of a number outside of `range`, one of `OUTSIDE_WORDS`: it is refused, moved to the
     nearer end, or carried in the full width of its type; the last two are counted."""
+    nan: bool = False
+    """Whether a float may be no value: not a number, or an infinity, whatever its range."""
 
     def __post_init__(self) -> None:
         """Check and normalise.
@@ -106,6 +110,8 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             if self.wraps:
                 raise ConfigError(f"wraps: not for type {self.type}; allowed: numeric types")
         self._check_outside()
+        if self.nan and self.type not in FLOAT_TYPES:
+            raise ConfigError(f"nan: not for type {self.type}; allowed: {', '.join(FLOAT_TYPES)}")
         if self.default is not None and (self.is_array or self.is_nested):
             raise ConfigError("default: not for arrays and nested types; allowed: scalars")
 
@@ -199,21 +205,31 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     @property
     def allowed(self) -> str:
         """The allowed values of an element, in words, with the unit."""
-        unit = f" {self.unit}" if self.unit else ""
+        unit = (f" {self.unit}" if self.unit else "") + (" or nan" if self.nan else "")
         if self.is_numeric and (self.range is not None or self.is_integer):
             low, high = self.limits or (0, 0)
             return f"{_plain(low)}..{_plain(high)}{unit}"
         if self.type == "enum":
             return ", ".join(self.values)
-        if self.type in ("string", "bytes") and self.max_length is not None:
-            return f"{self.type} of at most {self.max_length} bytes"
+        if self.type in ("string", "bytes") and self.allowed_bytes:
+            return f"{self.type} of {self.allowed_bytes}"
         if self.is_numeric:
             return f"a {'finite ' if self.step is not None else ''}number{unit}"
         return "true, false" if self.type == "bool" else self.type
 
+    @property
+    def allowed_bytes(self) -> str:
+        """How many bytes a text or bytes may have, in words; empty: any number."""
+        least, most = self.min_length, self.max_length
+        if least is None:
+            return "" if most is None else f"at most {most} bytes"
+        if most is None:
+            return f"at least {least} bytes"
+        return f"{least} bytes" if least == most else f"{least} to {most} bytes"
+
     def _check_nested(self) -> None:
         """Refuse keys that only built-in types have: the type's name is probably misspelt."""
-        for key in ("range", "step", "wraps", "values"):
+        for key in ("range", "step", "wraps", "values", "nan"):
             if getattr(self, key):
                 close = get_close_matches(self.type, SCALAR_TYPES, 1)
                 raise ConfigError(
@@ -234,13 +250,21 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             )
 
     def _check_lengths(self) -> None:
-        for key in ("length", "max_length"):
+        for key in ("length", "max_length", "min_length"):
             value = getattr(self, key)
             if value is not None and not 1 <= value <= MAX_LENGTH:
                 raise ConfigError(f"{key}: {value}; allowed: 1..{MAX_LENGTH}")
         both = self.length is not None and self.max_length is not None
         if both and self.type not in ("string", "bytes"):
             raise ConfigError(f"max_length: {self.max_length} beside length; allowed: one of them")
+        if self.min_length is None:
+            return
+        if self.type not in ("string", "bytes"):
+            raise ConfigError(f"min_length: not for type {self.type}; allowed: string, bytes")
+        if self.max_length is not None and self.min_length > self.max_length:
+            raise ConfigError(
+                f"min_length: {self.min_length}; allowed: at most max_length, {self.max_length}"
+            )
 
     def _check_values(self) -> None:
         if self.type != "enum":

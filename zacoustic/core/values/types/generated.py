@@ -16,7 +16,7 @@ def struct_from_type(spec: TypeSpec) -> type[msgspec.Struct]:
     """Make a `msgspec.Struct` class whose `type_from_struct` is the type; the same one each time.
 
     Every field has a default: zero, or the number of its range nearest to zero, the first value of
-    an enum, an empty text or list, and for nested types such an instance.
+    an enum, the shortest text, an empty list, and for nested types such an instance.
 
     Args:
         spec: The type, resolved.
@@ -53,10 +53,13 @@ def _element(spec: TypeSpec, field: FieldSpec) -> tuple[Any, Any]:
         return bool, False
     if field.type in ("string", "bytes"):
         kind: Any = str if field.type == "string" else bytes
-        return (kind, kind()) if field.max_length is None else (
-            Annotated[kind, Bounds(max_length=field.max_length)],
-            kind(),
-        )  # fmt: skip
+        shortest: Any = bytes(field.min_length or 0)
+        if kind is str:
+            shortest = " " * len(shortest)
+        if field.max_length is None and field.min_length is None:
+            return kind, shortest
+        lengths = Bounds(max_length=field.max_length, min_length=field.min_length)
+        return Annotated[kind, lengths], shortest
     low, high = field.range if field.range is not None else (None, None)
     bounds = Bounds(
         low=low,
@@ -64,6 +67,7 @@ def _element(spec: TypeSpec, field: FieldSpec) -> tuple[Any, Any]:
         step=field.step,
         unit=field.unit,
         wraps=field.wraps,
+        nan=field.nan,
         outside="" if field.outside == "reject" else field.outside,
         type=field.type,
     )

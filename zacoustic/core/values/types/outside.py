@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
+from zacoustic.core.values.types.ends import Ends
 from zacoustic.core.values.types.fields import FieldSpec
 from zacoustic.core.values.types.spec import TypeSpec
 
@@ -69,16 +70,24 @@ class OutsideNumbers:
         low, high = field.bounds
         clamps = field.outside == "clamp"
         counter = self.clamped if clamps else self.escaped
+        stands_for = _nothing if field.is_integer else Ends(field).value
 
         def bound(number: float) -> float:
-            if low <= number <= high:
+            if low <= number <= high or (field.nan and number - number != 0):
                 return number
+            end = stands_for(number)
+            if end is not None:
+                return end
             counter[path] += 1
             if not clamps:
                 return number
             return low if number < low else high
 
         return bound
+
+
+def _nothing(number: float) -> float | None:
+    """Return None: an integer outside of its range stands for no end."""
 
 
 def _as_it_is(value: dict[str, Any]) -> dict[str, Any]:

@@ -6,6 +6,7 @@ import numbers
 from collections.abc import Callable, Mapping
 from typing import Any, Final
 
+from zacoustic.core.values.types.ends import Ends, single
 from zacoustic.core.values.types.fields import FLOAT32_MAX, INTEGER_LIMITS, FieldSpec
 
 Check = Callable[[object], Any]
@@ -62,10 +63,11 @@ def _float_check(field: FieldSpec) -> Check:
     unbounded = (-FLOAT32_MAX, FLOAT32_MAX) if field.type == "float32" else None
     limits = (field.limits if field.outside == "reject" else None) or unbounded
     # Without limits NaN and infinity are values as well.
-    any_float = field.limits is None or field.escapes
+    any_float = field.limits is None or field.escapes or field.nan
     if field.outside == "clamp":
         limits = None
     low, high = limits or (-math.inf, math.inf)
+    stands_for = _end_check(field)
 
     def check(value: object) -> float:
         number = value if type(value) is float else _as_float(field, value)
@@ -73,21 +75,37 @@ def _float_check(field: FieldSpec) -> Check:
             return number
         if any_float and number - number != 0:  # NaN and the infinities
             return number
-        raise _refused(field, value)
+        end = stands_for(number)
+        if end is None:
+            raise _refused(field, value)
+        return end
 
     return check
+
+
+def _end_check(field: FieldSpec) -> Callable[[float], float | None]:
+    """Make the function that returns which end of the range a number stands for."""
+    if field.limits is not None:
+        return Ends(field).value
+    # Of float32, the greatest numbers are ends too.
+    return lambda number: None if math.isinf(end := single(number)) or end != end else end
 
 
 def _folding_check(field: FieldSpec) -> Check:
     low, high = field.bounds
     span = high - low
+    stands_for = Ends(field).value
 
     def check(value: object) -> float:
         number = value if type(value) is float else _as_float(field, value)
         if low <= number < high:
             return number
         if number - number != 0:
+            if field.nan:
+                return number
             raise _refused(field, value)
+        if stands_for(number) in (low, high):
+            return low
         folded = low + (number - low) % span
         # The remainder of a tiny negative number is rounded up to the span itself.
         return folded if folded < high else low
@@ -105,7 +123,7 @@ def _as_float(field: FieldSpec, value: object) -> float:
 
 
 def _string_check(field: FieldSpec) -> Check:
-    longest = field.max_length
+    shortest, longest = field.min_length or 0, field.max_length
 
     def check(value: object) -> str:
         if not isinstance(value, str):
@@ -116,22 +134,22 @@ def _string_check(field: FieldSpec) -> Check:
             raise RefusedError(
                 f" is {shown(value)}; allowed: text without lone surrogates"
             ) from None
-        if longest is not None and size_bytes > longest:
-            raise RefusedError(f" has {size_bytes} bytes; allowed: at most {longest} bytes")
+        if size_bytes < shortest or (longest is not None and size_bytes > longest):
+            raise RefusedError(f" has {size_bytes} bytes; allowed: {field.allowed_bytes}")
         return str(value)
 
     return check
 
 
 def _bytes_check(field: FieldSpec) -> Check:
-    longest = field.max_length
+    shortest, longest = field.min_length or 0, field.max_length
 
     def check(value: object) -> bytes:
         if not isinstance(value, bytes | bytearray | memoryview):
             raise _refused(field, value)
         content = bytes(value)
-        if longest is not None and len(content) > longest:
-            raise RefusedError(f" has {len(content)} bytes; allowed: at most {longest} bytes")
+        if len(content) < shortest or (longest is not None and len(content) > longest):
+            raise RefusedError(f" has {len(content)} bytes; allowed: {field.allowed_bytes}")
         return content
 
     return check

@@ -123,7 +123,8 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
 
         This is the JSON of a list of types, innermost first, each a list of fields; a nested type
         is the position of its description in the list. It includes field names and their order,
-        types, ranges, steps, wrapping, enum values, lengths and optionality; it excludes units,
+        types, ranges, steps, wrapping, enum values, lengths, optionality, and whether it may be no
+        value; it excludes units,
         defaults and the names of types, which change no value. Of `outside` only "escape" changes
         decoding.
         """
@@ -146,6 +147,8 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
                     field.max_length,
                     field.optional,
                     *(["escape"] if field.escapes else []),
+                    *(["nan"] if field.nan else []),
+                    *([f"min_length {field.min_length}"] if field.min_length else []),
                 ]
                 for field in self.fields
             ],

@@ -117,8 +117,10 @@ def _field_of(name: str, parts: Parts, default: object) -> FieldSpec:
     if parts.is_list and element in (str, bytes):
         raise ConfigError("type: a list of texts; allowed: a list of Structs that hold them")
     keys["max_length"] = said.pop("max_length", None)
+    keys["min_length"] = said.pop("min_length", None)
     keys["unit"] = said.pop("unit", "")
     keys["outside"] = said.pop("outside", "reject")
+    keys["nan"] = said.pop("nan", False)
     if said:
         raise ConfigError(f"{next(iter(said))}: not for {_written(element)}; allowed: numbers")
     return FieldSpec(name=name, **keys)

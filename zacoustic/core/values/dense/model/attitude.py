@@ -102,7 +102,7 @@ def quaternion_at(fields: Sequence[FieldSpec], place: int) -> Attitude | None:
         and field.step == step
         and field.type == group[0].type
         and field.outside == "reject"
-        and not (field.is_array or field.optional or field.wraps)
+        and not (field.is_array or field.optional or field.wraps or field.nan)
         for field in group
     )
     return Attitude(float(step)) if alike else None

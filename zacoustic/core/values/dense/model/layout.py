@@ -2,13 +2,14 @@
 
 Prediction needs a fixed row: the same field at the same index in every sample. So a type is split
 once: nested types and short arrays become columns of their own, and every scalar with a lattice an
-integer. An optional field becomes two columns, whether it is present and its value, and so does a
-field that escapes. Texts, bytes, exact floats and bounded arrays are the *rest* of a sample,
-carried as they are.
+integer. An optional field becomes two columns, whether it is present and its value; so does a field
+that escapes, and a float that may be no value. Texts, bytes, exact floats and bounded arrays are
+the *rest* of a sample, carried as they are.
 
 A column that is missing in a sample (the value of a missing optional) is None.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from enum import Enum
@@ -17,8 +18,12 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.values.dense.model.attitude import Attitude, quaternion_at
-from zacoustic.core.values.payload.exact import ExactNumber
-from zacoustic.core.values.payload.packing import Packing, TypePacking, field_packing
+from zacoustic.core.values.payload.packing import (
+    Packing,
+    TypePacking,
+    field_packing,
+    value_packing,
+)
 from zacoustic.core.values.types import FieldSpec, Lattice, TypeSpec
 
 # An array with more columns than this is carried as it is: prediction costs their square.
@@ -76,7 +81,8 @@ class Remainder:
     Attributes:
         packing: Packs it as bits.
         content: What it holds.
-        longest: The most bytes of a text or of bytes; None: no bound.
+        shortest: The fewest bytes of a text or of bytes.
+        longest: The most; None: no bound.
         guard: As for columns.
     """
 
@@ -86,10 +92,12 @@ class Remainder:
         guard: tuple[int, int] | None,
         *,
         content: Content,
+        shortest: int,
         longest: int | None,
     ) -> None:
         self.packing = packing
         self.content = content
+        self.shortest = shortest
         self.longest = longest
         self.guard = guard
 
@@ -257,15 +265,12 @@ class _Escaping(_Part):
         self, layout: Layout, field: FieldSpec, path: str, guard: tuple[int, int] | None
     ) -> None:
         self._low, self._high = field.bounds
-        self._exact = ExactNumber(field)
         self._flag = _flag(layout, f"{path}?", guard)
         self._inside = _Number(layout, field, path, (self._flag, 1))
         anything = msgspec.structs.replace(field, range=None, step=None, outside="reject")
-        self._beyond = _Other(layout, field_packing(layout.type_spec, anything), (self._flag, 0))
+        self._beyond = _Other(layout, value_packing(anything), (self._flag, 0))
 
     def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
-        if not self._low <= value <= self._high:
-            value = self._exact.rounded(value)
         inside = self._low <= value <= self._high
         row[self._flag] = int(inside)
         (self._inside if inside else self._beyond).split(value, row, rest)
@@ -288,6 +293,34 @@ class _Maybe(_Part):
         return self._present.join(row, rest) if row[self._flag] else None
 
 
+class _Special(_Part):
+    """A float that may be no value: which of these it is, or the number."""
+
+    _NAN, _NUMBER, _ABOVE, _BELOW = range(4)
+    _VALUES: Final = {_NAN: math.nan, _ABOVE: math.inf, _BELOW: -math.inf}
+
+    def __init__(
+        self, layout: Layout, field: FieldSpec, path: str, guard: tuple[int, int] | None
+    ) -> None:
+        self._kind = len(layout.columns)
+        layout.columns.append(Column(f"{path}?", 4, guard))
+        self._number = _of_value(layout, field, path, (self._kind, self._NUMBER))
+
+    def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
+        if value - value == 0:
+            row[self._kind] = self._NUMBER
+            self._number.split(value, row, rest)
+        else:
+            infinite = self._ABOVE if value > 0 else self._BELOW
+            row[self._kind] = self._NAN if value != value else infinite
+
+    def join(self, row: Row, rest: list[Any]) -> Any:  # noqa: ANN401
+        kind = row[self._kind]
+        if kind == self._NUMBER or kind is None:
+            return self._number.join(row, rest)
+        return self._VALUES[kind]
+
+
 class _Several(_Part):
     def __init__(self, elements: list[_Part]) -> None:
         self._elements = elements
@@ -308,10 +341,13 @@ class _Other(_Part):
         guard: tuple[int, int] | None,
         *,
         content: Content = Content.OTHER,
+        shortest: int = 0,
         longest: int | None = None,
     ) -> None:
         self._place = len(layout.remainders)
-        layout.remainders.append(Remainder(packing, guard, content=content, longest=longest))
+        layout.remainders.append(
+            Remainder(packing, guard, content=content, shortest=shortest, longest=longest)
+        )
 
     def split(self, value: Any, row: Row, rest: list[Any]) -> None:  # noqa: ANN401
         rest[self._place] = value
@@ -344,12 +380,23 @@ def _of_field(
         )
     if field.is_nested:
         return _Fields(layout, type_spec.nested_type(field.type), f"{path}.", guard)
+    make = _Special if field.nan else _of_value
+    return make(layout, field, path, guard)
+
+
+def _of_value(layout: Layout, field: FieldSpec, path: str, guard: tuple[int, int] | None) -> _Part:
     if Lattice.has_lattice(field):
         make = _Escaping if field.escapes else _Number
         return make(layout, field, path, guard)
     content = _CONTENTS.get(field.type, Content.OTHER)
-    longest = field.max_length
-    return _Other(layout, field_packing(type_spec, field), guard, content=content, longest=longest)
+    return _Other(
+        layout,
+        value_packing(field),
+        guard,
+        content=content,
+        shortest=field.min_length or 0,
+        longest=field.max_length,
+    )
 
 
 def _width(type_spec: TypeSpec, field: FieldSpec) -> int:

@@ -93,6 +93,8 @@ class RestCodec:
             if coder.flag(_LONG, not model.takes(octets)):
                 return _code_plainly(coder, remainder, value)
             octets = model.code(coder, octets, before, remainder.longest)
+            if len(octets) < remainder.shortest:
+                raise PayloadError(f"a text shorter than {remainder.shortest} bytes")
         if remainder.content is Content.BYTES:
             return octets
         try:
