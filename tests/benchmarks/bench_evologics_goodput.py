@@ -40,13 +40,13 @@ from zacoustic.core.linktypes import Transmission, TransmitOutcome
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.agreement import TAG_BYTES
+from zacoustic.link.emulation.running import RunningEmulation
+from zacoustic.link.emulation.server import EmulationServer
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
 from zacoustic_evologics.driver.session.session import GAP_S
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
 from zacoustic_evologics.emulator.hardware.airtime import GAP_NS, im_airtime_ns
-from zacoustic_evologics.emulator.serving.running import RunningFleet
-from zacoustic_evologics.emulator.serving.server import FleetServer
 from zacoustic_evologics.link import EvologicsLink
 
 FRAME_BYTES: Final = 64
@@ -233,7 +233,7 @@ class Pair:
 
     async def run(self) -> None:
         """Measure."""
-        server = FleetServer(RunningFleet(EmulatedFleet(scenario_of(2, spacing_m=300.0))))
+        server = EmulationServer(RunningEmulation(EmulatedFleet(scenario_of(2, spacing_m=300.0))))
         links: list[EvologicsLink] = []
         try:
             sender = Receiver()

@@ -14,10 +14,10 @@ from typing import Any, Final
 from tests.gateway.networks import LIMIT_S, config_of, free_port, run, zenoh_config
 from zacoustic.bytestream import ByteStream
 from zacoustic.gateway import Gateway
+from zacoustic.link.emulation.running import RunningEmulation
+from zacoustic.link.emulation.server import EmulationServer
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.serving.running import RunningFleet
-from zacoustic_evologics.emulator.serving.server import FleetServer
 from zacoustic_evologics.link import EvologicsLink
 
 DOMAIN: Final = 5
@@ -125,7 +125,7 @@ def test_it_publishes_subscribes_calls_and_serves_across_emulated_modems(tmp_pat
 
     async def main() -> None:
         fleet = EmulatedFleet(scenario_of(2, spacing_m=150.0))
-        server = FleetServer(RunningFleet(fleet))
+        server = EmulationServer(RunningEmulation(fleet))
         ports = [free_port(), free_port()]
         async with AsyncExitStack() as stack:
             stack.push_async_callback(server.close)

@@ -17,10 +17,11 @@ from tests.runtime.loop_checks import run
 from zacoustic.app.cli import main
 from zacoustic.channel.propagation.position import Position
 from zacoustic.link import registry
+from zacoustic.link.emulation.running import RunningEmulation
+from zacoustic.link.emulation.verb import Steered
 from zacoustic.link.positions import follow_lines
 from zacoustic.testing.linkpair import Side
-from zacoustic_evologics.emulator.fleet import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.serving.running import RunningFleet
+from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
 
 
 class Moves:
@@ -35,7 +36,7 @@ class Moves:
         self.made.append((address, position))
 
 
-async def follow(moves: Moves | RunningFleet, text: bytes) -> None:
+async def follow(moves: Moves | Steered, text: bytes) -> None:
     thread = follow_lines(io.BytesIO(text), moves)
     await asyncio.to_thread(thread.join)
     await asyncio.sleep(0)  # what the thread has called for
@@ -67,8 +68,9 @@ def test_sound_goes_where_a_modem_was_told_to_be() -> None:
     fleet = EmulatedFleet(scenario_of(2))
 
     async def steer() -> None:
-        running = RunningFleet(fleet, clock=lambda: 0)
-        await follow(running, b'{"address": 2, "position": [1500, 0, 10]}\n')
+        running = RunningEmulation(fleet, clock=lambda: 0)
+        steered = Steered(fleet, running)
+        await follow(steered, b'{"address": 2, "position": [1500, 0, 10]}\n')
 
     asyncio.run(steer())
     with pytest.raises(ValueError, match="nodes"):

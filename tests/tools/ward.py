@@ -22,11 +22,11 @@ from zacoustic.app.cli import main
 from zacoustic.config import config_from_mapping
 from zacoustic.gateway import Gateway
 from zacoustic.link import Link
+from zacoustic.link.emulation.running import RunningEmulation
+from zacoustic.link.emulation.server import EmulationServer
 from zacoustic_evologics import Interpreter
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
 from zacoustic_evologics.emulator.hardware.chassis import Behaviour
-from zacoustic_evologics.emulator.serving.running import RunningFleet
-from zacoustic_evologics.emulator.serving.server import FleetServer
 
 NODES: Final = [{"address": 1, "name": "shore"}, {"address": 2, "name": "auv1"}]
 STREAMS: Final[list[dict[str, Any]]] = [
@@ -96,7 +96,7 @@ async def modems(
     firmware: str = "1.9",
     count: int = 2,
     interpreter: Interpreter = Interpreter.NET,
-) -> AsyncIterator[FleetServer]:
+) -> AsyncIterator[EmulationServer]:
     """Run emulated modems, 1500 m from each other, as loud as they can."""
     fleet = EmulatedFleet(
         scenario_of(count, spacing_m=1500.0),
@@ -104,7 +104,7 @@ async def modems(
         behaviour=Behaviour(firmware=firmware),  # type: ignore[arg-type]
         interpreter=interpreter,
     )
-    server = FleetServer(RunningFleet(fleet))
+    server = EmulationServer(RunningEmulation(fleet))
     try:
         yield server
     finally:

@@ -9,21 +9,16 @@ From the bottom up:
 - `modem`: one modem, sans-IO: `queries`, `actions`, `listening`, `levelcontrol`.
 - `station`: a modem with its ports, and their `faults`.
 - `fleet`: many modems in virtual time (`EmulatedFleet`), for tests without a loop.
-- `serving`, `command`: the same on a loop, behind TCP ports and pseudo-terminals.
+- `command`: the verb. `zacoustic.link.emulation` has the loop, TCP ports and pseudo-terminals.
 """
 
-from zacoustic_evologics.emulator.fleet import EmulatedFleet, scenario_of
+from zacoustic.link.emulation import ModemDown, ModemOutput, ModemUp, PortBytes, PortClosed
+from zacoustic.link.emulation.water import scenario_of
+from zacoustic_evologics.emulator.fleet import EmulatedFleet
 from zacoustic_evologics.emulator.guesses import BurstGuess, burst_guess
 from zacoustic_evologics.emulator.hardware.chassis import Behaviour
 from zacoustic_evologics.emulator.observation import Observation, SignalArrived, SignalEmitted
 from zacoustic_evologics.emulator.station.faults import FaultKind, FaultPlan, ScriptedFault
-from zacoustic_evologics.emulator.station.station import (
-    FleetOutput,
-    ModemDown,
-    ModemUp,
-    PortBytes,
-    PortClosed,
-)
 
 __all__ = [
     "Behaviour",
@@ -31,8 +26,8 @@ __all__ = [
     "EmulatedFleet",
     "FaultKind",
     "FaultPlan",
-    "FleetOutput",
     "ModemDown",
+    "ModemOutput",
     "ModemUp",
     "Observation",
     "PortBytes",

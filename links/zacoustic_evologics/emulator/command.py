@@ -24,21 +24,17 @@ With `--positions` another program steers the modems: see `zacoustic.link.positi
 import argparse
 import asyncio
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.errors import ConfigError
-from zacoustic.link.positions import add_positions, positions_from
-from zacoustic.link.serving import LineWriter, parse_place, run_until_stopped
-from zacoustic.text.safetext import json_line, one_line
+from zacoustic.link.emulation.verb import Reporter, add_places, add_water, serve
+from zacoustic.link.serving import LineWriter, run_until_stopped
 
 if TYPE_CHECKING:
-    from zacoustic.channel.scenario import Scenario
     from zacoustic_evologics.emulator.fleet import EmulatedFleet
     from zacoustic_evologics.emulator.observation import Observation, Observer
-    from zacoustic_evologics.emulator.serving.server import FleetServer, Place
 
 FIRST_PORT: Final = 9200
 """Port of the first modem, as on a real one; further modems have the next ports."""
@@ -53,21 +49,12 @@ class EvologicsEmulation(Command):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare modems, places, faults and form of the output."""
         parser.epilog = "example: zacoustic run modems evologics --modems 2 --listen 127.0.0.1:9200"
-        parser.add_argument(
-            "--modems", type=int, metavar="N",
-            help="how many, 500 m apart in calm water (default: those of the scenario, or 2)",
-        )  # fmt: skip
-        parser.add_argument("--scenario", metavar="FILE", help="who is where, JSON5")
-        parser.add_argument(
-            "--listen", metavar="HOST:PORT", nargs="+", action="extend", default=[],
-            help="of each modem in turn; after the last one the next ports are taken, port 0 takes "
-            f"any that is free (default: 127.0.0.1:{FIRST_PORT}, unless --pty)",
-        )  # fmt: skip
-        parser.add_argument("--pty", action="store_true", help="a pseudo-terminal for each modem")
-        parser.add_argument(
-            "--time-scale", type=float, default=1.0, metavar="X",
-            help="how many times faster than real (default: %(default)s)",
-        )  # fmt: skip
+        add_water(parser)
+        add_places(
+            parser,
+            FIRST_PORT,
+            json_help=": `listening` for each place, `emission` and `reception` of each signal",
+        )
         parser.add_argument("--faults", metavar="FILE", help="what goes wrong, JSON5")
         parser.add_argument("--seed", type=int, help="replaces the seeds of scenario and faults")
         parser.add_argument(
@@ -82,12 +69,6 @@ class EvologicsEmulation(Command):
             "--set", metavar="NAME=VALUE", nargs="+", action="extend", default=[], dest="settings",
             help="settings and port options of all modems, such as ZX=1 RI=0",
         )  # fmt: skip
-        add_positions(parser)
-        parser.add_argument(
-            "--json", action="store_true",
-            help="one JSON object per line: `listening` for each place, then `emission` and "
-            "`reception` of each signal",
-        )  # fmt: skip
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Serve until SIGINT or SIGTERM.
@@ -100,55 +81,14 @@ class EvologicsEmulation(Command):
         return EXIT_OK
 
     async def _serve(self, arguments: argparse.Namespace, stop: asyncio.Event) -> None:
-        from zacoustic_evologics.emulator.serving.running import RunningFleet
-        from zacoustic_evologics.emulator.serving.server import FleetServer
-
-        writer = LineWriter("emulate evologics", stop)
-        reporter = _Reporter(writer, as_json=arguments.json)
-        fleet = _create_fleet(arguments, reporter.observe)
-        addresses = fleet.addresses
-        listens = [] if arguments.pty and not arguments.listen else _listens(arguments, addresses)
-        with writer:
-            running = RunningFleet(fleet, time_scale=arguments.time_scale)
-            server = FleetServer(running)
-            try:
-                with positions_from(arguments, running):
-                    for place in await _open_places(server, addresses, listens, arguments.pty):
-                        reporter.listening(place)
-                    running.start()
-                    await asyncio.get_running_loop().create_future()  # until it is cancelled
-            finally:
-                await server.close()
+        with LineWriter("emulate evologics", stop) as writer:
+            reporter = _Reporter(writer, "evologics", as_json=arguments.json)
+            fleet = _create_fleet(arguments, reporter.observe)
+            await serve(fleet, arguments, reporter, first_port=FIRST_PORT)
 
 
-async def _open_places(
-    server: "FleetServer",
-    addresses: Sequence[int],
-    listens: Sequence[tuple[str, int]],
-    has_terminals: bool,
-) -> "list[Place]":
-    places = []
-    for index, address in enumerate(addresses):
-        if listens:
-            places.append(await server.listen(address, *listens[index]))
-        if has_terminals:
-            places.append(server.open_terminal(address))
-    return places
-
-
-class _Reporter:
-    """Prints events, as text or as JSON."""
-
-    def __init__(self, writer: LineWriter, *, as_json: bool) -> None:
-        self._writer = writer
-        self._as_json = as_json
-
-    def listening(self, place: "Place") -> None:
-        """Print the place of a modem."""
-        self._write(
-            {"event": "listening", "address": place.address, "locator": place.locator},
-            f"modem {place.address} at {place.locator}: --link evologics/{place.locator}",
-        )
+class _Reporter(Reporter):
+    """Prints the events on the channel, too."""
 
     def observe(self, observation: "Observation") -> None:
         """Print an event on the channel."""
@@ -174,16 +114,14 @@ class _Reporter:
             }  # fmt: skip
             heard = f"{observation.source} at {observation.node}"
             text = f"{heard}: {service} {observation.outcome.value}"
-        self._write(record, f"{at_s:10.3f} s  {text}")
-
-    def _write(self, record: dict[str, object], text: str) -> None:
-        self._writer.write(json_line(record) if self._as_json else one_line(text))
+        self.write(record, f"{at_s:10.3f} s  {text}")
 
 
 def _create_fleet(arguments: argparse.Namespace, observer: "Observer") -> "EmulatedFleet":
     import msgspec
 
     from zacoustic.json5 import read_json5
+    from zacoustic.link.emulation.water import read_water
     from zacoustic_evologics.at.framing import Interpreter
     from zacoustic_evologics.emulator.fleet import EmulatedFleet
     from zacoustic_evologics.emulator.hardware.chassis import Behaviour
@@ -192,7 +130,7 @@ def _create_fleet(arguments: argparse.Namespace, observer: "Observer") -> "Emula
     faults = NO_FAULTS
     if arguments.faults is not None:
         faults = plan_from_mapping(read_json5(arguments.faults), source=arguments.faults)
-    scenario = _read_scenario(arguments)
+    scenario = read_water(arguments, read_json5)
     if arguments.seed is not None:
         faults = msgspec.structs.replace(faults, seed=arguments.seed)
         scenario = msgspec.structs.replace(scenario, seed=arguments.seed)
@@ -206,26 +144,6 @@ def _create_fleet(arguments: argparse.Namespace, observer: "Observer") -> "Emula
     )
 
 
-def _read_scenario(arguments: argparse.Namespace) -> "Scenario":
-    import msgspec
-
-    from zacoustic.channel.scenario import scenario_from_mapping
-    from zacoustic.json5 import read_json5
-    from zacoustic_evologics.emulator.fleet import scenario_of
-
-    if arguments.scenario is None:
-        return scenario_of(2 if arguments.modems is None else arguments.modems)
-    path: str = arguments.scenario
-    scenario = scenario_from_mapping(read_json5(path), source=path, folder=Path(path).parent)
-    count = len(scenario.nodes) if arguments.modems is None else arguments.modems
-    if not 1 <= count <= len(scenario.nodes):
-        raise ConfigError(f"--modems {count}; the scenario has {len(scenario.nodes)} nodes")
-    nodes = scenario.nodes[:count]
-    there = {node.address for node in nodes}
-    links = tuple(link for link in scenario.links if {link.source, link.target} <= there)
-    return msgspec.structs.replace(scenario, nodes=nodes, links=links, traffic=())
-
-
 def _parse_settings(texts: Sequence[str]) -> Mapping[str, int]:
     settings = {}
     for text in texts:
@@ -234,15 +152,3 @@ def _parse_settings(texts: Sequence[str]) -> Mapping[str, int]:
             raise ConfigError(f"--set {text!r}; allowed: NAME=VALUE with a whole number")
         settings[name] = int(value)
     return settings
-
-
-def _listens(arguments: argparse.Namespace, addresses: Sequence[int]) -> list[tuple[str, int]]:
-    """Return host and port of each modem."""
-    texts = arguments.listen or [f"127.0.0.1:{FIRST_PORT}"]
-    given = [parse_place(text) for text in texts[: len(addresses)]]
-    host, port = given[-1]
-    for further in range(1, 1 + len(addresses) - len(given)):
-        if port + further > 65_535:
-            raise ConfigError(f"--listen {texts[-1]!r}; there is no port for every modem behind it")
-        given.append((host, port + further if port else 0))
-    return given

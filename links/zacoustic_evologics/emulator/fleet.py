@@ -11,7 +11,7 @@ r"""N emulated modems on one channel, in virtual time: no clock, no socket, `now
 
 `now` is ns since the start of the scenario and never decreases. Each call first runs what was due
 before, at its own instant, but its results come afterwards. So a driver of virtual time calls
-`handle_timeout` exactly at `poll_timeout`. The same class runs on a loop in `running`.
+`handle_timeout` exactly at `poll_timeout`. `zacoustic.link.emulation` runs it on a loop.
 
 Signals and timers are on one agenda; each station is there with its first due instant. An idle
 fleet has no timer.
@@ -26,8 +26,9 @@ import msgspec
 
 from zacoustic.channel.agenda import Agenda, Entry
 from zacoustic.channel.propagation.position import Position
-from zacoustic.channel.scenario import NodeSpec, Scenario
+from zacoustic.channel.scenario import Scenario
 from zacoustic.errors import ConfigError
+from zacoustic.link.emulation import ModemOutput, PortClosed
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.settings import HIGHEST_ADDRESSES, SETTINGS
 from zacoustic_evologics.emulator.hardware.chassis import Behaviour
@@ -37,32 +38,10 @@ from zacoustic_evologics.emulator.medium import EmulatedMedium
 from zacoustic_evologics.emulator.modem.modem import EmulatedModem
 from zacoustic_evologics.emulator.observation import Observer, ignore
 from zacoustic_evologics.emulator.station.faults import NO_FAULTS, FaultPlan
-from zacoustic_evologics.emulator.station.station import FleetOutput, PortClosed, Station
+from zacoustic_evologics.emulator.station.station import Station
 
 PORTS_LIMIT: Final = 64
 """Most open ports of one modem."""
-DEPTH_M: Final = 10.0
-"""Depth of modems in `scenario_of`, m."""
-
-
-def scenario_of(modems: int, *, spacing_m: float = 500.0, seed: int = 1) -> Scenario:
-    """Return a scenario of modems in a line eastwards, on a channel without random losses.
-
-    Args:
-        modems: Number of modems; their addresses are 1, 2, …
-        spacing_m: Distance between neighbours, m.
-        seed: Seed of the scenario.
-
-    Raises:
-        ConfigError: More modems than addresses, or none.
-    """
-    if not 1 <= modems <= 254:
-        raise ConfigError(f"{modems} modems; allowed: 1..254")
-    nodes = tuple(
-        NodeSpec(address=number + 1, position=(spacing_m * number, 0.0, DEPTH_M))
-        for number in range(modems)
-    )
-    return Scenario(nodes=nodes, channel="none", seed=seed)
 
 
 class EmulatedFleet:
@@ -103,7 +82,7 @@ class EmulatedFleet:
             observer=observer,
         )
         self._medium = self._driver.medium
-        self._outputs: deque[FleetOutput] = deque()
+        self._outputs: deque[ModemOutput] = deque()
         self._stations: dict[int, Station] = {}
         self._station_of_port: dict[int, Station] = {}
         self._armed: dict[int, tuple[int, Entry]] = {}
@@ -210,7 +189,7 @@ class EmulatedFleet:
         """Return the next due instant, ns; None: none."""
         return self._agenda.next_at()
 
-    def poll_output(self) -> FleetOutput | None:
+    def poll_output(self) -> ModemOutput | None:
         """Return the next output for a host, or None."""
         return self._outputs.popleft() if self._outputs else None
 

@@ -1,4 +1,4 @@
-"""The verb `zacoustic run modems iridium`: SBD modems on TCP ports, and the provider's gateway."""
+"""The verb `zacoustic run modems iridium`: SBD modems, and the provider's gateway."""
 
 import argparse
 import asyncio
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Final
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import DURATIONS, is_duration
 from zacoustic.errors import ConfigError
+from zacoustic.link.emulation.verb import Reporter, add_places, listens, open_places
 from zacoustic.link.serving import LineWriter, parse_place, run_until_stopped
-from zacoustic.text.safetext import json_line, one_line
 
 if TYPE_CHECKING:
     from zacoustic_iridium.emulator.server import SbdServer
@@ -21,7 +21,7 @@ class IridiumEmulation(Command):
     """Serves emulated SBD modems until it is interrupted."""
 
     name = "iridium"
-    summary = "Iridium SBD modems, on TCP ports, and the gateway behind them"
+    summary = "Iridium SBD modems, on TCP ports and pseudo-terminals, and their gateway"
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare modems, places, faults and form of the output."""
@@ -33,9 +33,6 @@ class IridiumEmulation(Command):
         )
         add = parser.add_argument
         add("--modems", type=int, default=2, metavar="N", help="how many (default: %(default)s)")
-        add("--listen", default=f"127.0.0.1:{FIRST_PORT}", metavar="HOST:PORT",
-            help="of the first modem; the others have the next ports, DirectIP the one behind; "
-            "port 0 takes any that are free (default: %(default)s)")  # fmt: skip
         add("--shore", metavar="HOST:PORT", help="where the gateway delivers by DirectIP "
             "(default: modems write to each other)")  # fmt: skip
         add("--session", type=float, nargs=2, default=(6.0, 30.0), metavar=("LEAST", "MOST"),
@@ -45,9 +42,7 @@ class IridiumEmulation(Command):
         add("--breaks", type=float, default=0.0, metavar="SHARE", help="sessions that break off "
             "after the message is at the gateway (default: %(default)s)")  # fmt: skip
         add("--seed", type=int, default=1, help="of all draws (default: %(default)s)")
-        add("--time-scale", type=float, default=1.0, metavar="X",
-            help="how many times faster than real (default: %(default)s)")  # fmt: skip
-        add("--json", action="store_true", help="one JSON object per line")
+        add_places(parser, FIRST_PORT)
 
     def run(self, arguments: argparse.Namespace) -> int:
         """Serve until SIGINT or SIGTERM.
@@ -62,17 +57,20 @@ class IridiumEmulation(Command):
 
 async def _serve(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
     server = _server(arguments)
-    await server.open(*parse_place(arguments.listen))
+    addresses = range(1, 1 + arguments.modems)
+    # DirectIP has the place behind those of the modems.
+    hosts = listens(arguments, len(addresses) + 1, FIRST_PORT)
     try:
         with LineWriter("emulate iridium", stop) as writer:
-            for isu, place in zip(server.isus, server.places, strict=True):
-                record = {"event": "listening", "imei": isu.imei, "locator": f"tcp:{place}"}
-                text = f"modem {isu.imei} at tcp:{place}: --link iridium/tcp:{place}"
-                writer.write(json_line(record) if arguments.json else one_line(text))
-            place = server.directip
-            record = {"event": "directip", "place": place}
-            text = f"DirectIP for messages to modems at {place}"
-            writer.write(json_line(record) if arguments.json else one_line(text))
+            reporter = Reporter(writer, "iridium", as_json=arguments.json)
+            has_terminals = arguments.pty
+            for place in await open_places(
+                server.modems, addresses, hosts, has_terminals=has_terminals
+            ):
+                reporter.listening(place, imei=server.isus[place.address - 1].imei)
+            await server.open_gateway(*(hosts or [("127.0.0.1", 0)])[-1])
+            record: dict[str, object] = {"event": "directip", "place": server.directip}
+            reporter.write(record, f"DirectIP for messages to modems at {server.directip}")
             await asyncio.get_running_loop().create_future()  # until it is cancelled
     finally:
         await server.close()

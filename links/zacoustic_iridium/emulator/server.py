@@ -1,11 +1,11 @@
-"""Emulated modems on TCP ports, and beside them the gateway's DirectIP for a shore."""
+"""Emulated modems on their ports, and beside them the gateway's DirectIP for a shore."""
 
 import asyncio
-import random
 from typing import Final
 
-from zacoustic.link.alarm import Alarm
-from zacoustic.link.serving import ScaledClock, cannot_listen, place_name
+from zacoustic.link.emulation.running import RunningEmulation
+from zacoustic.link.emulation.server import EmulationServer
+from zacoustic.link.serving import cannot_listen, place_name
 from zacoustic_iridium.directip import (
     HEAD_BYTES,
     Confirmed,
@@ -15,18 +15,18 @@ from zacoustic_iridium.directip import (
     encode,
     whole_bytes,
 )
+from zacoustic_iridium.emulator.fleet import EmulatedSbdFleet
 from zacoustic_iridium.emulator.gateway import EmulatedGateway
 from zacoustic_iridium.emulator.isu import EmulatedIsu, IsuFaults
 
-FIRST_IMEI: Final = 300234010000001
 _AGAIN_S: Final = 1.0
 
 
 class SbdServer:
-    """Modems, each on a port, and the gateway.
+    """Modems, each on its places, and the gateway.
 
     Args:
-        modems: How many.
+        modems: How many; their addresses are 1, 2, …
         shore: Where the gateway delivers by DirectIP; None: modems write to each other.
         session_s: Shortest and longest session, s.
         faults: What goes wrong.
@@ -44,34 +44,23 @@ class SbdServer:
         seed: int = 1,
         time_scale: float = 1.0,
     ) -> None:
-        self._clock = ScaledClock(time_scale)
         self._shore = shore
         self.gateway = EmulatedGateway(None if shore is None else self._deliver)
-        self._ports = [
-            _Port(
-                EmulatedIsu(
-                    str(FIRST_IMEI + index),
-                    self.gateway,
-                    random.Random(f"{seed}/{index}"),
-                    session_s=session_s,
-                    faults=faults or IsuFaults(),
-                ),
-                self._clock,
-            )
-            for index in range(modems)
-        ]
+        self._fleet = EmulatedSbdFleet(
+            self.gateway, modems, session_s=session_s, faults=faults or IsuFaults(), seed=seed
+        )
+        self._running = RunningEmulation(self._fleet, time_scale=time_scale)
+        self.modems = EmulationServer(self._running)
+        """Serves the modems."""
         self._server: asyncio.Server | None = None
         self._tasks: set[asyncio.Task[None]] = set()
+        self.places: list[str] = []
+        """HOST:PORT of each modem, once `open` has opened them."""
 
     @property
     def isus(self) -> list[EmulatedIsu]:
         """The modems."""
-        return [each.isu for each in self._ports]
-
-    @property
-    def places(self) -> list[str]:
-        """HOST:PORT of each modem, once open."""
-        return [each.place for each in self._ports]
+        return list(self._fleet.isus.values())
 
     @property
     def directip(self) -> str:
@@ -79,29 +68,36 @@ class SbdServer:
         assert self._server is not None
         return place_name(*self._server.sockets[0].getsockname()[:2])
 
-    async def open(self, host: str = "127.0.0.1", first_port: int = 0) -> None:
-        """Listen: each modem on a port, the gateway on the next one.
+    async def open(self, host: str = "127.0.0.1") -> None:
+        """Listen on free ports, one a modem and one for the gateway.
 
         Raises:
-            LinkOpenError: A port is in use.
+            LinkOpenError: The host is none of this computer.
         """
-        ports = [first_port + index if first_port else 0 for index in range(len(self._ports) + 1)]
+        for address in self._fleet.isus:
+            place = await self.modems.listen(address, host, 0)
+            self.places.append(place.locator.removeprefix("tcp:"))
+        await self.open_gateway(host, 0)
+
+    async def open_gateway(self, host: str, port: int) -> None:
+        """Listen for messages to the modems; port 0 takes any free one.
+
+        Raises:
+            LinkOpenError: The address cannot be used.
+        """
         try:
-            for port, number in zip(self._ports, ports, strict=False):
-                await port.open(host, number)
-            self._server = await asyncio.start_server(self._accept, host, ports[-1])
+            self._server = await asyncio.start_server(self._accept, host, port)
         except OSError as error:
             await self.close()
-            raise cannot_listen(host, first_port, error, rival="another emulator") from error
+            raise cannot_listen(host, port, error, rival="another emulator") from error
 
     async def close(self) -> None:
-        """Release all ports."""
+        """Release all ports; may be repeated."""
         for task in self._tasks:
             task.cancel()
         if self._tasks:
             await asyncio.wait(self._tasks)
-        for port in self._ports:
-            await port.close()
+        await self.modems.close()
         if self._server is not None:
             self._server.close()
             await self._server.wait_closed()
@@ -134,57 +130,9 @@ class SbdServer:
                 message = decode(head + await reader.readexactly(size_bytes - HEAD_BYTES))
                 if isinstance(message, ForModem):
                     status = self.gateway.queue(message.imei, message.data)
+                    self._running.changed_outside()  # it rings
                     writer.write(encode(Confirmed(message.client_id, status)))
         except EOFError:
-            pass
-        finally:
-            writer.close()
-
-
-class _Port:
-    """One modem's port; the last host that has connected is served."""
-
-    def __init__(self, isu: EmulatedIsu, clock: ScaledClock) -> None:
-        self.isu = isu
-        isu.rang = self.serve
-        self.place = ""
-        self._clock = clock
-        self._alarm = Alarm(clock.now, self._expire, time_scale=clock.time_scale)
-        self._writer: asyncio.StreamWriter | None = None
-        self._server: asyncio.Server | None = None
-
-    async def open(self, host: str, port: int) -> None:
-        self._server = await asyncio.start_server(self._accept, host, port)
-        self.place = place_name(*self._server.sockets[0].getsockname()[:2])
-
-    async def close(self) -> None:
-        self._alarm.stop()
-        if self._writer is not None:
-            self._writer.close()
-        if self._server is not None:
-            self._server.close()
-            await self._server.wait_closed()
-
-    def serve(self) -> None:
-        """Hand over what the modem says, and set the timer."""
-        while (data := self.isu.poll_write()) is not None:
-            if self._writer is not None and not self._writer.is_closing():
-                self._writer.write(data)
-        self._alarm.set(self.isu.poll_timeout())
-
-    def _expire(self, at: int) -> None:
-        self.isu.timeout(max(at, self._clock.now()))
-        self.serve()
-
-    async def _accept(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        if self._writer is not None:
-            self._writer.close()
-        self._writer = writer
-        try:
-            while data := await reader.read(4096):
-                self.isu.receive(data, self._clock.now())
-                self.serve()
-        except ConnectionError:
             pass
         finally:
             writer.close()

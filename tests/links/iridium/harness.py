@@ -9,7 +9,8 @@ from zacoustic.link import Link
 from zacoustic.testing.proxy import StreamProxy
 from zacoustic_iridium.atsea import ModemLink
 from zacoustic_iridium.config import IridiumConfig
-from zacoustic_iridium.emulator.server import FIRST_IMEI, SbdServer
+from zacoustic_iridium.emulator.fleet import FIRST_IMEI
+from zacoustic_iridium.emulator.server import SbdServer
 from zacoustic_iridium.link import IridiumLink
 from zacoustic_iridium.onshore import ShoreLink
 

@@ -13,7 +13,7 @@ from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.link import registry
 from zacoustic.testing.linkpair import RecordingReceiver
 from zacoustic_iridium.directip import Confirmed, ForModem, FromModem, decode, encode
-from zacoustic_iridium.emulator.server import FIRST_IMEI
+from zacoustic_iridium.emulator.fleet import FIRST_IMEI
 from zacoustic_iridium.onshore import ShoreLink
 
 IMEI = str(FIRST_IMEI)

@@ -3,12 +3,13 @@
 import re
 from collections import deque
 from collections.abc import Mapping
-from typing import Final, TypeAlias
+from typing import Final
 
 import msgspec
 
 from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.faults.faults import corrupt
+from zacoustic.link.emulation import ModemDown, ModemOutput, ModemUp, PortBytes, PortClosed
 from zacoustic_evologics.at.command_decoder import CommandMessage
 from zacoustic_evologics.at.commands import PayloadCommand
 from zacoustic_evologics.at.framing import Interpreter
@@ -38,40 +39,6 @@ _STALE: Final = b",-44,118,0.0000,ld bytes\r\n"
 _LENGTH: Final = re.compile(rb"(RECV(?:IM|IMS|PBM)?,(?:p[0-9],)?)([0-9]+)")
 
 
-class PortBytes(msgspec.Struct, frozen=True):
-    """Bytes for the host of a port."""
-
-    port_id: int
-    """Port."""
-    content: bytes
-    """One byte or more."""
-
-
-class PortClosed(msgspec.Struct, frozen=True):
-    """The modem has closed a TCP port, which no longer exists."""
-
-    port_id: int
-    """Port."""
-
-
-class ModemDown(msgspec.Struct, frozen=True):
-    """A modem restarts: it accepts no connections, and serial lines are dead."""
-
-    address: int
-    """Its address in the scenario."""
-
-
-class ModemUp(msgspec.Struct, frozen=True):
-    """A modem has restarted."""
-
-    address: int
-    """Its address in the scenario."""
-
-
-FleetOutput: TypeAlias = PortBytes | PortClosed | ModemDown | ModemUp
-"""Outputs of a fleet."""
-
-
 class Station:
     """One modem and its ports.
 
@@ -88,7 +55,7 @@ class Station:
         self.node = node
         self.modem = modem
         self.ports: dict[int, Port] = {}
-        self.outputs: deque[FleetOutput] = deque()
+        self.outputs: deque[ModemOutput] = deque()
         self._misfortune = Misfortune(plan, node)
         self._options = options
         self._late = Agenda()

@@ -4,12 +4,12 @@ import os
 
 from zacoustic.bytestream import ByteStream
 from zacoustic.link import Link
+from zacoustic.link.emulation.running import RunningEmulation
+from zacoustic.link.emulation.server import EmulationServer
 from zacoustic.testing.proxy import StreamProxy
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.serving.running import RunningFleet
-from zacoustic_evologics.emulator.serving.server import FleetServer
 from zacoustic_evologics.link import EvologicsLink
 
 
@@ -39,7 +39,7 @@ class EvologicsHarness:
 
     async def set_up(self) -> tuple[Link, Link]:
         fleet = EmulatedFleet(scenario_of(2, spacing_m=150.0), interpreter=self._interpreter)
-        self._server = FleetServer(RunningFleet(fleet))
+        self._server = EmulationServer(RunningEmulation(fleet))
         near, far = [await self._link(address) for address in self.addresses]
         return near, far
 

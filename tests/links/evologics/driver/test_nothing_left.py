@@ -13,12 +13,12 @@ from tests.links.evologics.driver.harness import HAS_TERMINALS
 from tests.runtime.loop_checks import run
 from zacoustic.bytestream import ByteStream
 from zacoustic.errors import LinkOpenError
+from zacoustic.link.emulation.running import RunningEmulation
+from zacoustic.link.emulation.server import EmulationServer
 from zacoustic.testing.linkpair import Side
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.emulator import EmulatedFleet, FaultKind, FaultPlan, scenario_of
-from zacoustic_evologics.emulator.serving.running import RunningFleet
-from zacoustic_evologics.emulator.serving.server import FleetServer
 from zacoustic_evologics.link import EvologicsLink
 
 TIMES = 20
@@ -73,7 +73,7 @@ def test_links_closed_at_any_instant_leave_nothing(
         fleet = EmulatedFleet(
             scenario_of(2, spacing_m=15.0), interpreter=interpreter, faults=FaultPlan(rates=RATES)
         )
-        server = FleetServer(RunningFleet(fleet))
+        server = EmulationServer(RunningEmulation(fleet))
         if is_serial:
             place = server.open_terminal(1)
         else:

@@ -9,7 +9,7 @@ from zacoustic_evologics import AtDecoder, Framing, Interpreter
 from zacoustic_evologics.at.messages import Message, Unrecognised
 from zacoustic_evologics.emulator import (
     EmulatedFleet,
-    FleetOutput,
+    ModemOutput,
     PortBytes,
     PortClosed,
     scenario_of,
@@ -68,7 +68,7 @@ class Sea:
             scenario = scenario_of(scenario, spacing_m=spacing_m)
         self.fleet = EmulatedFleet(scenario, **options)
         self.hosts: dict[int, Host] = {}
-        self.outputs: list[tuple[int, FleetOutput]] = []
+        self.outputs: list[tuple[int, ModemOutput]] = []
         self._hearers: list[Callable[[], None]] = []
 
     def hear(self, hearer: Callable[[], None]) -> None:

@@ -7,17 +7,17 @@ import pytest
 
 from tests.runtime.loop_checks import run
 from zacoustic.errors import ConfigError, LinkOpenError
+from zacoustic.link.emulation.running import RunningEmulation
+from zacoustic.link.emulation.server import EmulationServer, Place
 from zacoustic_evologics import Interpreter
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.serving.running import RunningFleet
-from zacoustic_evologics.emulator.serving.server import FleetServer, Place
 
 FAST = 50.0
 
 
-def server_of(modems: int = 2, interpreter: Interpreter = Interpreter.NET) -> FleetServer:
+def server_of(modems: int = 2, interpreter: Interpreter = Interpreter.NET) -> EmulationServer:
     fleet = EmulatedFleet(scenario_of(modems, spacing_m=1500.0), interpreter=interpreter)
-    return FleetServer(RunningFleet(fleet, time_scale=FAST))
+    return EmulationServer(RunningEmulation(fleet, time_scale=FAST))
 
 
 def place_of(locator: str) -> tuple[str, int]:
@@ -153,7 +153,7 @@ def test_wrong_places_and_scales_are_errors() -> None:
 
     run(main())
     with pytest.raises(ConfigError, match="time scale"):
-        RunningFleet(EmulatedFleet(scenario_of(1)), time_scale=0.0)
+        RunningEmulation(EmulatedFleet(scenario_of(1)), time_scale=0.0)
     with pytest.raises(ConfigError, match="modems"):
         scenario_of(255)
     with pytest.raises(ConfigError, match="setting XY"):

@@ -19,8 +19,8 @@ from typing import Final, cast
 import msgspec
 
 from zacoustic.errors import LinkOpenError
+from zacoustic.link.emulation.running import RunningEmulation
 from zacoustic.link.serving import cannot_listen, place_name
-from zacoustic_evologics.emulator.serving.running import RunningFleet
 
 BACKLOG_LIMIT_BYTES: Final = 1_048_576
 """Bytes that may wait for a TCP client."""
@@ -42,14 +42,14 @@ class Place(msgspec.Struct, frozen=True):
     """`tcp:HOST:PORT` or `serial:PATH`, as for a byte stream."""
 
 
-class FleetServer:
-    """Serves the modems of a fleet.
+class EmulationServer:
+    """Serves the modems of an emulation.
 
     Args:
-        running: The fleet; closed with the server.
+        running: The emulation; closed with the server.
     """
 
-    def __init__(self, running: RunningFleet) -> None:
+    def __init__(self, running: RunningEmulation) -> None:
         self.running = running
         self._listeners: dict[int, list[_Listener]] = {}
         self._terminals: list[_Terminal] = []
@@ -81,7 +81,7 @@ class FleetServer:
         return Place(address, f"serial:{terminal.path}")
 
     async def close(self) -> None:
-        """Close all connections and stop the fleet; may be repeated."""
+        """Close all connections and stop the emulation; may be repeated."""
         self.running.changed = None
         listeners = [each for several in self._listeners.values() for each in several]
         self._listeners.clear()
@@ -103,7 +103,7 @@ class FleetServer:
 class _Listener:
     """One TCP port of one modem."""
 
-    def __init__(self, running: RunningFleet, address: int, host: str, port: int) -> None:
+    def __init__(self, running: RunningEmulation, address: int, host: str, port: int) -> None:
         self._running = running
         self._address = address
         self._host = host
@@ -171,7 +171,7 @@ class _Listener:
 class _Client(asyncio.Protocol):
     """One connection."""
 
-    def __init__(self, running: RunningFleet, address: int, clients: "set[_Client]") -> None:
+    def __init__(self, running: RunningEmulation, address: int, clients: "set[_Client]") -> None:
         self.gone = asyncio.Event()
         self._running = running
         self._address = address
@@ -223,7 +223,7 @@ class _Client(asyncio.Protocol):
 class _Terminal:
     """One pseudo-terminal of one modem."""
 
-    def __init__(self, running: RunningFleet, address: int, baudrate: int | None) -> None:
+    def __init__(self, running: RunningEmulation, address: int, baudrate: int | None) -> None:
         if sys.platform == "win32":
             raise LinkOpenError("there are no pseudo-terminals on Windows", hint="use TCP ports")
         import tty

@@ -1,1 +1,0 @@
-"""Many emulated modems on a loop, behind TCP ports and pseudo-terminals."""
