@@ -42,7 +42,7 @@ def _bool_check(field: FieldSpec) -> Check:
 
 def _integer_check(field: FieldSpec) -> Check:
     low, high = (int(limit) for limit in field.bounds)
-    if field.outside != "reject":
+    if field.outside != "reject" and not field.wraps:
         low, high = INTEGER_LIMITS[field.type]
     span = high - low if field.wraps else 0
 
@@ -61,10 +61,11 @@ def _integer_check(field: FieldSpec) -> Check:
 
 def _float_check(field: FieldSpec) -> Check:
     unbounded = (-FLOAT32_MAX, FLOAT32_MAX) if field.type == "float32" else None
-    limits = (field.limits if field.outside == "reject" else None) or unbounded
+    is_open = field.outside != "reject" and field.range is not None
+    limits = (None if is_open else field.limits) or unbounded
     # Without limits NaN and infinity are values as well.
     any_float = field.limits is None or field.escapes or field.nan
-    if field.outside == "clamp":
+    if is_open and not field.escapes:
         limits = None
     low, high = limits or (-math.inf, math.inf)
     stands_for = _end_check(field)
@@ -159,14 +160,18 @@ def _enum_check(field: FieldSpec) -> Check:
     known = {value: value for value in field.values}
 
     def check(value: object) -> str:
-        if isinstance(value, enum.Enum):
-            value = enum_name(value)
+        value = enum_of(value)
         name = known.get(value) if isinstance(value, str) else None
         if name is None:
             raise _refused(field, value)
         return name
 
     return check
+
+
+def enum_of(value: object) -> object:
+    """Return the name of an `Enum` member, or the value as it is."""
+    return enum_name(value) if isinstance(value, enum.Enum) else value
 
 
 def enum_name(member: enum.Enum) -> str:
