@@ -153,6 +153,12 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
 StreamSpec = TopicSpec | ServiceSpec | ActionSpec
 
 
+def in_parts(spec: StreamSpec) -> str:
+    """Return the settings with which a sample that is larger than a frame crosses."""
+    codec = 'codec: "packed" and ' if spec.codec == DENSE else ""  # a dense topic is best-effort
+    return f'{codec}reliability: "reliable" in its stream: then it crosses in parts'
+
+
 def _check_dense(spec: StreamSpec) -> None:
     """Check a dense stream: its block names a sample by its stream alone, and is not repeated."""
     if not isinstance(spec, TopicSpec):
