@@ -7,7 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from zacoustic.core.values.types.ends import Ends, single
-from zacoustic.core.values.types.fields import FLOAT32_MAX, INTEGER_LIMITS, FieldSpec
+from zacoustic.core.values.types.fields import (
+    FLOAT32_MAX,
+    FLOAT_TYPES,
+    INTEGER_LIMITS,
+    FieldSpec,
+)
 
 Check = Callable[[object], Any]
 """Takes a value and returns it normalised, or raises `RefusedError`."""
@@ -28,7 +33,9 @@ class RefusedError(Exception):
 def _refused(field: FieldSpec, value: object) -> RefusedError:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     unit = f" {field.unit}" if field.unit and is_number else ""
-    return RefusedError(f" is {shown(value)}{unit}; allowed: {field.allowed}")
+    is_none = isinstance(value, float) and not math.isfinite(value)
+    hint = "nan: true lets it be no value" if is_none and field.type in FLOAT_TYPES else ""
+    return RefusedError(f" is {shown(value)}{unit}; allowed: {field.allowed}", hint=hint)
 
 
 def _bool_check(field: FieldSpec) -> Check:
