@@ -170,8 +170,8 @@ def infer_number(field: str, seen: list[float]) -> tuple[dict[str, Any], str]:
     if not finite:
         return {"type": "float64", "nan": True}, "only NaN or infinity seen: no range, no step"
     if len(finite) < len(seen):
-        keys, remark = infer_number(field, finite)
-        return {**keys, "nan": True}, f"{remark}, NaN or infinity too"
+        of_numbers, remark = infer_number(field, finite)
+        return {**of_numbers, "nan": True}, f"{remark}, NaN or infinity too"
     low, high = min(seen), max(seen)
     remark = f"seen {_span(low, high)}"
     quantity = quantity_of(field, seen)
