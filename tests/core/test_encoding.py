@@ -149,7 +149,7 @@ def test_numbers_that_json_lacks_are_null() -> None:
         (b"\xd8\x23\x64((((", CBOR, "no application/cbor"),
         (b"\xc1\xfb" + b"\xff" * 8, CBOR, "no application/cbor"),
         (b"", JSON, "no application/json"),
-        (b"NaN", JSON, "no application/json: JSON is malformed"),
+        (b"NaNa", JSON, "no application/json: JSON is malformed"),
         (b"[1] x", JSON, "trailing characters"),
         (b"[" * 100000, JSON, "no application/json"),
         (b"1e999", JSON, "no application/json: Number out of range"),
@@ -182,3 +182,37 @@ def test_value_that_no_encoding_carries_is_refused(value: Any, encoding: str) ->
 def test_any_payload_is_a_value_or_invalid(payload: bytes, encoding: str) -> None:
     with contextlib.suppress(PayloadInvalidError):
         decode_application(payload, encoding, type_spec=BYTES_TYPE)
+
+
+def test_json_reads_the_null_that_it_writes() -> None:
+    fields = (
+        FieldSpec(name="free", type="float64"),
+        FieldSpec(name="maybe", type="float32", range=(0, 1), step=0.5, nan=True),
+        FieldSpec(name="several", type="float32", length=2),
+        FieldSpec(name="absent", type="float64", optional=True),
+        FieldSpec(name="inner", type="Inner"),
+    )
+    inner = TypeSpec(name="Inner", fields=fields[:1])
+    spec = TypeSpec(name="T", fields=fields, nested=(inner,))
+    nan = math.nan
+    value = {"free": nan, "maybe": nan, "several": [nan, 1.0], "absent": None}
+    value |= {"inner": {"free": nan}}
+    for encoding, written in (("application/json", b"null"), ("application/json;nan", b"NaN")):
+        text = encode_application(value, encoding)
+        assert text.count(written) >= 4
+        again = spec.validate(decode_application(text, encoding, type_spec=spec))
+        assert repr(again) == repr(value)
+    bounded = TypeSpec(name="B", fields=(FieldSpec(name="a", type="float64", range=(0, 1)),))
+    with pytest.raises(PayloadInvalidError, match="a is None"):
+        bounded.validate(decode_application(b'{"a":null}', "text/json", type_spec=bounded))
+
+
+def test_json_has_words_for_the_infinities_by_choice() -> None:
+    value = {"a": -math.inf, "b": math.inf, "c": b"\1"}
+    text = encode_application(value, "application/json;nan")
+    assert text == b'{"a":-Infinity,"b":Infinity,"c":"AQ=="}'
+    assert encode_application(value, "application/json") == b'{"a":null,"b":null,"c":"AQ=="}'
+    read = decode_application(b'{"a":-Infinity,"b":NaN}', "application/json")
+    assert repr(read) == "{'a': -inf, 'b': nan}"
+    with pytest.raises(PayloadInvalidError, match="no application/json"):
+        decode_application(b'{"a":NaN', "application/json")

@@ -525,6 +525,7 @@ def test_cbor_by_position(one: dict[str, Any]) -> None:
     value = cborpos.read(types, name, cursor)
     cursor.end()
     assert fields.plain(value) == one["decoded"]
+    assert describe.type_text(types, name) == one["description"]
     assert cborpos.write(types, name, value) == data
     if one.get("value") and one["types"][0]["fields"][0].get("outside") != "clamp":
         assert cborpos.write(types, name, one["value"]) == data
@@ -544,6 +545,7 @@ def test_cbor_by_position(one: dict[str, Any]) -> None:
 def test_packed(one: dict[str, Any]) -> None:
     types, name = table.types_of(one["types"]), one["types"][0]["name"]
     data = bytes.fromhex(one["hex"])
+    assert describe.type_text(types, name) == one["description"]
     assert packed.write(types, name, one["value"]) == data
     cursor = Cursor(data)
     value = packed.read(types, name, cursor)

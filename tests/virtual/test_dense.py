@@ -3,6 +3,7 @@
 import random
 from collections import defaultdict
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import Any, Final
 
@@ -14,7 +15,9 @@ from zacoustic.core.base.qos import Qos, Stamp
 from zacoustic.core.engine.events import Event, SampleReceived
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
+from zacoustic.errors import PayloadTooLargeError
 from zacoustic.testing.virtual import Modem, VirtualNetwork
 
 NAV: Final = TypeSpec(
@@ -269,6 +272,78 @@ def test_texts_without_a_type_cross_packed_and_in_dense_strings() -> None:
         sizes[codec] = medium.engine(1).stats.bytes_transmitted
     assert sizes["packed"] < 0.65 * sizes["cbor"], sizes
     assert sizes["dense"] < 0.9 * sizes["packed"], sizes
+
+
+def nmea(number: int) -> bytes:
+    rest = f"N,00556.{7000000 + 41 * number:07d},E,1,08,1.03,61.7,M,55.2,M,,*47"
+    return f"$GPGGA,{120000 + number}.00,4317.{1200000 + 37 * number:07d},{rest}".encode()
+
+
+def sentences(
+    loss: float, restart_s: float | None = None, linger_s: float = 0.0
+) -> tuple[list[bytes], VirtualNetwork]:
+    """Publish NMEA sentences, most of which fit no frame as records; the first one does."""
+    table = StreamTable(
+        [
+            TopicSpec(
+                stream_id=10, name="nmea", codec="dense", publishers=(1,), subscribers=(2,),
+                qos=Qos(linger_s=linger_s),
+            ),
+            TopicSpec(stream_id=11, name="back", publishers=(2,), subscribers=(1,)),
+            TopicSpec(stream_id=12, name="log", publishers=(1,), subscribers=(2,)),
+        ],
+        nodes={1: "n1", 2: "n2"},
+    )  # fmt: skip
+    arrived: list[bytes] = []
+
+    def look(address: int, event: Event) -> None:
+        if isinstance(event, SampleReceived) and event.stream_id == 10:
+            arrived.append(event.value)
+
+    scenario = line(0.0, 500.0, channel="none", loss={"frame": loss}, seed=3)
+    medium = VirtualNetwork(scenario, table, deliver=look, digest=False, modem=Modem(mtu_bytes=60))
+    medium.at(0, partial(medium.publish, 2, 11, b""))
+    medium.at(10, partial(medium.publish, 1, 10, b"$GPGGA,120000.00,4317.1200000,N"))
+    medium.at(15, partial(medium.publish, 2, 11, b""))
+
+    def publish(text: bytes) -> None:
+        with suppress(PayloadTooLargeError):
+            medium.publish(1, 10, text)
+
+    for number in range(40):
+        medium.at(20 + 20 * number, partial(publish, nmea(number)))
+        medium.at(35 + 20 * number, partial(medium.publish, 1, 12, b"log"))
+        medium.at(28 + 20 * number, partial(medium.publish, 2, 11, b""))
+    if restart_s is not None:
+        medium.at(restart_s, partial(medium.restart, 2))
+    medium.run(until_s=900)
+    return arrived, medium
+
+
+def test_a_text_crosses_whose_block_fits_beside_a_reference_only() -> None:
+    arrived, medium = sentences(0.0)
+    with pytest.raises(PayloadTooLargeError, match="a frame of this link has room") as caught:
+        medium.publish(1, 10, random.Random(1).randbytes(100))
+    assert 'codec: "packed" and reliability: "reliable"' in str(caught.value.hint)
+    assert len(PackedBytesCodec().encode(nmea(7))) > 58
+    assert arrived[1:] == [nmea(number) for number in range(40)]
+
+
+def test_a_text_whose_reference_is_lost_while_it_waits_is_dropped_and_counted() -> None:
+    arrived, medium = sentences(0.0, restart_s=220.5, linger_s=12)
+    assert 5 <= len(arrived) < 30
+    assert medium.engine(1).stats.dropped["oversized"] == 1
+    assert medium.engine(1).stats.transmitted[12] >= 39
+    assert medium.engine(1).pending(10) == 0
+
+
+@pytest.mark.parametrize("loss", [0.0, 0.4])
+def test_a_text_that_has_lost_its_reference_holds_nothing_up(loss: float) -> None:
+    arrived, medium = sentences(loss, restart_s=220.5)
+    assert set(arrived[1:]) <= {nmea(number) for number in range(40)}
+    assert 5 <= len(arrived) < 30
+    assert medium.engine(1).stats.transmitted[12] >= 39
+    assert medium.engine(1).pending(10) == 0
 
 
 def tell(seed: int) -> Voyage:

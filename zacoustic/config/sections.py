@@ -356,6 +356,8 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     """Zenoh encoding on the application side."""
     codec: str | None = None
     """Codec on the channel."""
+    outside: str = "reject"
+    """Treatment of values that are more than the type says, for fields that say nothing."""
     max_airtime: float | None = None
     """Share of the time for which the stream may be on the air; default: no cap."""
     link: str | None = None

@@ -13,7 +13,14 @@ from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, Stream
 from zacoustic.core.base.qos import PRIORITY_NAMES, Durability, Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.keys import NODE_PLACEHOLDER, Wildcard
-from zacoustic.core.streams.specs import CODECS, ActionSpec, ServiceSpec, StreamSpec, TopicSpec
+from zacoustic.core.streams.specs import (
+    CODECS,
+    STREAM_OUTSIDE_WORDS,
+    ActionSpec,
+    ServiceSpec,
+    StreamSpec,
+    TopicSpec,
+)
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.objects.limits import LARGEST_BYTES
@@ -134,6 +141,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         wildcards=tuple(Wildcard(name=each.name, values=each.values) for each in entry.wildcards),
         encoding=entry.encoding,
         codec=entry.codec or "cbor",
+        outside=entry.outside,
         qos=qos,
         max_bytes=entry.max_bytes,
         journal=entry.journal,
@@ -185,6 +193,7 @@ def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpe
         timeout_s=entry.timeout_s,
         encoding=entry.encoding,
         codec=entry.codec or "cbor",
+        outside=entry.outside,
         qos=qos,
         journal=entry.journal,
     )
@@ -216,6 +225,7 @@ def _read_action(place: Place, entry: ActionEntry, fleet: Fleet) -> ActionSpec:
         feedback_interval_s=entry.feedback_interval_s,
         encoding=entry.encoding,
         codec=entry.codec or "cbor",
+        outside=entry.outside,
         qos=qos,
         journal=entry.journal,
     )
@@ -265,6 +275,9 @@ def _check_large(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
 def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
     """Check codec, encoding and priority."""
     check_word(place.at("priority"), entry.priority, tuple(PRIORITY_NAMES))
+    check_word(place.at("outside"), entry.outside, STREAM_OUTSIDE_WORDS)
+    if entry.outside == "clamp" and not is_typed:
+        place.at("outside").refuse('"clamp" for opaque bytes', allowed="for typed streams")
     if entry.codec is not None:
         check_word(place.at("codec"), entry.codec, tuple(CODECS))
         if entry.codec == "cbor" and not is_typed:

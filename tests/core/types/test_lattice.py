@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from tests.core.types.made import Level, Mode, one
-from zacoustic.core.values.types import Lattice, OutsideNumbers
+from zacoustic.core.values.types import Lattice, OutsideValues
 from zacoustic.errors import PayloadInvalidError
 
 FIELDS: tuple[tuple[dict[str, Any], tuple[Any, ...]], ...] = (
@@ -35,7 +35,7 @@ def test_what_is_taken_at_once_is_what_it_is_after_all_checks(
     keys: dict[str, Any], normal: tuple[Any, ...]
 ) -> None:
     spec = one(**keys)
-    lattice, outside = Lattice(spec.fields[0]), OutsideNumbers(spec)
+    lattice, outside = Lattice(spec.fields[0]), OutsideValues(spec)
     for value in (*normal, *ODD):
         taken = lattice.take(value)
         try:

@@ -1,14 +1,9 @@
 """What can cross at all: the largest record of a frame, and samples that cross in parts."""
 
-from typing import Final
-
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.wire.agreement import TAG_BYTES
-
-IN_PARTS: Final = 'reliability: "reliable" in its stream: then it crosses in parts'
-"""Setting that makes a sample cross that is larger than a frame."""
 
 
 def room_bytes(mtu_bytes: int) -> int:

@@ -528,7 +528,7 @@ class Composer:
         draft = _Draft(offer.destination, port.room_bytes, closing)
         self._introductions.begin_frame(draft.destination)
         self._answer(draft, now)
-        first_bytes = first[1].size_bytes if first else 0
+        first_bytes = first[1].least_bytes if first else 0
         feedback_fills = not draft.is_empty and draft.room_bytes < HELLO_BYTES
         if feedback_fills or not self._agree(draft, offer, first, now):
             first = None
@@ -547,6 +547,8 @@ class Composer:
             # It never has room beside a TAG: it gives its turn to the TAG, as if it had been lost.
             self._queue.take(lane, now)
             draft.parts += filter(None, [item.part])
+        elif lane and item and item.block_bytes and filling is not None and item not in items:
+            self._drop_grown(lane, draft, now, is_alone=not items)
         is_empty = draft.is_empty and not items
         if is_empty:
             if offer.must_go is None:
@@ -578,6 +580,15 @@ class Composer:
         if feedback is not None:
             draft.say(Cause.REPAIR, feedback.record, feedback.part)
 
+    def _drop_grown(self, lane: Lane, draft: "_Draft", now: int, *, is_alone: bool) -> None:
+        """Drop a sample that fits no frame any more: the reference of its block is lost.
+
+        Beside controls it may not have had room; then it stays, for a frame of its own.
+        """
+        if draft.is_empty or (draft.introduction and is_alone):
+            self._queue.take(lane, now)
+            self._stats.drop("oversized")
+
     def _agree(
         self, draft: "_Draft", offer: Offer, first: tuple[Lane, Waiting] | None, now: int
     ) -> bool:
@@ -587,7 +598,7 @@ class Composer:
             Whether there is a first payload and room for it.
         """
         destination = draft.destination
-        first_bytes = first[1].size_bytes if first else 0
+        first_bytes = first[1].least_bytes if first else 0
         urgent = bool(first and first[0].qos.priority is Priority.REAL_TIME)
         goes = first is not None
         introduces = self._introductions.introduces(self._link, destination)

@@ -7,7 +7,8 @@ there LEN delimits every record but the last. A dense block extends to the end o
 is the last.
 
 Samples of dense streams are taken as long as their packed records fit, or the block of all of them
-does. The block is written at the end if it is not larger than the records.
+does. The block is written at the end if it is not larger than the records. A sample whose record
+fits no frame may still be small beside a reference: it goes in a block only.
 """
 
 from zacoustic.core.base.linktypes import BROADCAST
@@ -71,7 +72,7 @@ class Filling:
         """Take a payload if it fits beside the others; return whether it does."""
         needs_end = self._needs_end(item)
         must_be_last = needs_end and item.size_bytes > LONGEST_DELIMITED_BYTES
-        is_sample = self._last is None and not must_be_last
+        is_sample = self._last is None and (not must_be_last or item.block_bytes > 0)
         if is_sample and self._dense.admits(item, self._destination):
             return self._add_sample(item)
         if must_be_last and self._samples:

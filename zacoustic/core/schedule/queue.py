@@ -106,6 +106,7 @@ class Waiting:
     __slots__ = (
         "_fixed_bytes",
         "address",
+        "block_bytes",
         "cause",
         "code",
         "copies",
@@ -165,6 +166,8 @@ class Waiting:
         self.is_reply = is_reply
         self.sync = b""
         """A prefix that may change while the record waits."""
+        self.block_bytes = 0
+        """Size of a dense block of it alone, if only that fits a frame; 0: the record fits too."""
         self.copies = 0
         """How often it was sent in a row."""
         self.is_copy = False
@@ -181,6 +184,11 @@ class Waiting:
     def size_bytes(self) -> int:
         """The largest length of the record with all prefixes, bytes."""
         return self._fixed_bytes + len(self.sync)
+
+    @property
+    def least_bytes(self) -> int:
+        """The room that it needs in a frame of its own, bytes."""
+        return self.block_bytes or self.size_bytes
 
     def needs_end(self, *, introduced: bool) -> bool:
         """Return whether only LEN, or the end of the frame, shows where the record ends.
@@ -396,8 +404,8 @@ class TransmitQueue:
             )
 
     def fits(self, item: Waiting) -> bool:
-        """Return whether a record fits a frame of the link."""
-        return self.largest_bytes is None or item.size_bytes <= self.largest_bytes
+        """Return whether a record, or a block of it, fits a frame of the link."""
+        return self.largest_bytes is None or item.least_bytes <= self.largest_bytes
 
     def push(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
         """Add a payload to its lane; if the lane is deeper than `qos.depth`, drop the oldest.
@@ -523,8 +531,8 @@ class TransmitQueue:
         self.largest_bytes = largest_bytes
         dropped: list[Waiting] = []
         for lane in list(self._busy.values()):
-            kept = [item for item in lane.items if item.size_bytes <= largest_bytes]
-            dropped += (item for item in lane.items if item.size_bytes > largest_bytes)
+            kept = [item for item in lane.items if self.fits(item)]
+            dropped += (item for item in lane.items if not self.fits(item))
             lane.items = deque(kept)
             self._settle(lane)
         return dropped

@@ -32,6 +32,9 @@ OPAQUE_CODECS: Final[dict[str, type[OpaqueCodec]]] = {
 }
 """Codecs of streams without a type, by the same names."""
 
+STREAM_OUTSIDE_WORDS: Final = ("reject", "clamp")
+"""The treatments of values that are more than the types of a stream say."""
+
 DENSE: Final = "dense"
 """The codec of dense streams."""
 
@@ -60,6 +63,9 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     ones."""
     codec: str = "cbor"
     """Codec of the samples, one of `CODECS`."""
+    outside: str = "reject"
+    """``clamp``: values that are more than their types say are cut down to them, and not refused
+    (`TypeSpec.clamping`). Not in the digest."""
     qos: Qos = Qos()
     """How samples wait and cross."""
     max_bytes: int | None = None
@@ -93,6 +99,9 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     ones."""
     codec: str = "cbor"
     """Codec of the payloads, one of `CODECS`."""
+    outside: str = "reject"
+    """``clamp``: values that are more than their types say are cut down to them, and not refused
+    (`TypeSpec.clamping`). Not in the digest."""
     qos: Qos = Qos()
     """Priority, linger and stamp of requests and responses; depth and lifespan do not apply to
     calls."""
@@ -130,6 +139,9 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
     ones."""
     codec: str = "cbor"
     """Codec of goals, feedback and results, one of `CODECS`."""
+    outside: str = "reject"
+    """``clamp``: values that are more than their types say are cut down to them, and not refused
+    (`TypeSpec.clamping`). Not in the digest."""
     qos: Qos = Qos()
     """Priority and linger of goals, feedback and results; a cancel is REAL_TIME. Depth and
     lifespan do not apply."""
@@ -139,6 +151,12 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
 
 
 StreamSpec = TopicSpec | ServiceSpec | ActionSpec
+
+
+def in_parts(spec: StreamSpec) -> str:
+    """Return the settings with which a sample that is larger than a frame crosses."""
+    codec = 'codec: "packed" and ' if spec.codec == DENSE else ""  # a dense topic is best-effort
+    return f'{codec}reliability: "reliable" in its stream: then it crosses in parts'
 
 
 def _check_dense(spec: StreamSpec) -> None:
@@ -188,6 +206,8 @@ def check(spec: StreamSpec) -> None:
     """
     if spec.codec not in CODECS:
         raise ConfigError(f'codec: "{spec.codec}"; allowed: {", ".join(CODECS)}')
+    if spec.outside not in STREAM_OUTSIDE_WORDS:
+        raise ConfigError(f'outside: "{spec.outside}"; allowed: {", ".join(STREAM_OUTSIDE_WORDS)}')
     if spec.codec == DENSE:
         _check_dense(spec)
     if isinstance(spec, TopicSpec) and spec.carry is not None:

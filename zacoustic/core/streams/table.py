@@ -119,6 +119,8 @@ class Stream:
         """The keys of the name."""
         names = _type_names(spec)
         used = [types.by_name(name) if name is not None else None for name in names.values()]
+        if spec.outside == "clamp":
+            used = [None if each is None else each.clamping() for each in used]
         codecs: list[PayloadCodec]
         if on_desert:
             keyed = zip(names, used, strict=True)

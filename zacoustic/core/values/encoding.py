@@ -14,15 +14,19 @@ first byte     then
 `ENCODINGS` is wire format: it only ever grows at its end.
 
 The application gets values of typed streams as CBOR maps of field names, or as JSON objects if the
-stream says so; in JSON, bytes fields are base64 texts, and numbers that JSON lacks (NaN, the
-infinities) are null. Every other encoding is bytes as they are. Decoding here uses cbor2 and
-msgspec, with a bound of `LARGEST_VALUE_BYTES`: data from the local network is trusted not to be an
-attack, but not to be well-formed.
+stream says so. In JSON, bytes fields are base64 texts. NaN and the infinities, which JSON lacks,
+are null; a null is read as NaN where a float may be NaN and is not optional. With the schema `nan`
+(``application/json;nan``) they are the words ``NaN``, ``Infinity`` and ``-Infinity``, as some
+libraries write and read them; these words are always read. Every other encoding is bytes as they
+are. Decoding here uses cbor2 and msgspec, with a bound of `LARGEST_VALUE_BYTES`: data from the
+local network is trusted not to be an attack, but not to be well-formed.
 """
 
 import base64
 import binascii
 import io
+import json
+import math
 from collections.abc import Callable
 from typing import Any, Final
 
@@ -86,6 +90,9 @@ LONGEST_ENCODING_BYTES: Final = 255
 LARGEST_VALUE_BYTES: Final = 1 << 20
 """Largest CBOR or JSON text of one value that is decoded, bytes."""
 
+JSON_WITH_NAN: Final = "nan"
+"""Schema of JSON that has words for NaN and the infinities."""
+
 _NUMBERS: Final = {encoding: number for number, encoding in enumerate(ENCODINGS)}
 _SCHEMA_MARK: Final = ";"
 
@@ -141,10 +148,13 @@ def encode_application(value: object, encoding: str = CBOR) -> bytes:
     Raises:
         PayloadInvalidError: The encoding cannot carry the value.
     """
-    kind = encoding.split(_SCHEMA_MARK, 1)[0]
+    kind, _, schema = encoding.partition(_SCHEMA_MARK)
     try:
         if kind == CBOR:
             return cbor2.dumps(value)
+        if kind in TYPED_ENCODINGS and schema == JSON_WITH_NAN:
+            plain = msgspec.to_builtins(value)
+            return json.dumps(plain, separators=(",", ":"), ensure_ascii=False).encode()
         if kind in TYPED_ENCODINGS:
             return msgspec.json.encode(value)
     except (cbor2.CBOREncodeError, TypeError, ValueError, OverflowError, RecursionError) as error:
@@ -164,7 +174,8 @@ def decode_application(
     Args:
         payload: The bytes of the sample, request or reply.
         encoding: Its encoding, with or without a schema after ``;``.
-        type_spec: The type, if there is one: tells which texts of a JSON object are bytes.
+        type_spec: The type, if there is one: tells which texts of a JSON object are bytes, and
+            which nulls are NaN.
 
     Returns:
         The value, not yet validated; for encodings other than CBOR and JSON the bytes.
@@ -182,10 +193,23 @@ def decode_application(
     if kind == CBOR:
         return _read_cbor(payload)
     try:
-        value = msgspec.json.decode(payload)
+        value = _read_json(payload)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise PayloadInvalidError(f"no {encoding}: {_one_line(error)}") from error
-    return value if type_spec is None else _without_base64(value, type_spec, type_spec.name)
+    return value if type_spec is None else _of_type(value, type_spec, type_spec.name)
+
+
+def _read_json(payload: bytes) -> object:
+    try:
+        return msgspec.json.decode(payload)
+    except msgspec.DecodeError:
+        if not any(word in payload for word in (b"NaN", b"Infinity")):
+            raise
+        try:  # the words that JSON lacks
+            return json.loads(payload)
+        except ValueError:
+            pass
+        raise
 
 
 def _read_cbor(payload: bytes) -> object:
@@ -211,15 +235,25 @@ def _read_cbor(payload: bytes) -> object:
     return value
 
 
-def _without_base64(value: object, type_spec: TypeSpec, path: str) -> object:
-    """Return a JSON value with the base64 texts of its bytes fields decoded."""
+def _of_type(value: object, type_spec: TypeSpec, path: str) -> object:
+    """Return a JSON value with the texts of its bytes fields decoded, and NaN for null."""
     if not isinstance(value, dict):
         return value
     read: dict[Any, Any] = dict(value)
     for field in type_spec.fields:
-        if (field.type == "bytes" or field.is_nested) and read.get(field.name) is not None:
+        if field.name not in read:
+            continue
+        if field.may_be_nan:
+            read[field.name] = _with_nan(read[field.name], field)
+        elif (field.type == "bytes" or field.is_nested) and read[field.name] is not None:
             read[field.name] = _read_field(read[field.name], field, type_spec, path)
     return read
+
+
+def _with_nan(value: object, field: FieldSpec) -> object:
+    if field.is_array and isinstance(value, list):
+        return [math.nan if element is None else element for element in value]
+    return math.nan if value is None and not (field.optional or field.is_array) else value
 
 
 def _read_field(value: object, field: FieldSpec, type_spec: TypeSpec, path: str) -> object:
@@ -229,7 +263,7 @@ def _read_field(value: object, field: FieldSpec, type_spec: TypeSpec, path: str)
         nested = type_spec.nested_type(field.type)
 
         def read(element: object) -> object:
-            return _without_base64(element, nested, where)
+            return _of_type(element, nested, where)
     else:
 
         def read(element: object) -> object:

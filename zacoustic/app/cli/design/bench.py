@@ -41,11 +41,11 @@ class BenchCommand(Command):
         Raises:
             ConfigError: A file or an argument is wrong.
         """
-        from zacoustic.app.tools.crossing import IN_PARTS
         from zacoustic.app.tools.design.telemetry.measuretext import as_text
         from zacoustic.app.tools.design.telemetry.measuring import measure
         from zacoustic.app.tools.design.telemetry.recording import read_recordings
         from zacoustic.app.tools.fleetfile import read_fleet
+        from zacoustic.core.streams.specs import in_parts
 
         window_s = window_of(arguments)
         table = read_fleet(arguments.config, with_model=True).table
@@ -55,8 +55,9 @@ class BenchCommand(Command):
         print_result(report, as_text, as_json=arguments.json)
         for row in report.streams:
             if row.too_large:
+                spec = table.by_id(row.stream_id).spec
                 what = f"{row.too_large} of {row.frames} samples are larger than a frame"
-                print_note(f"zacoustic codec bench: {row.name}: {what} ({IN_PARTS})")
+                print_note(f"zacoustic codec bench: {row.name}: {what} ({in_parts(spec)})")
         if report.different:
             what = f"{report.different} of {report.decoded} frames were decoded to something else"
             print_note(f"zacoustic codec bench: {what}")

@@ -109,6 +109,13 @@ class DenseStreams:
         encoded = self._speaker.encode(samples, room_bytes, hearers, apart=apart)
         return encoded if encoded is not None and encoded.taken == len(items) else None
 
+    def alone_bytes(self, item: Waiting, room_bytes: int, now: int) -> int:
+        """Return the size of a block with one payload, bytes; 0: it does not fit."""
+        if not self.admits(item, item.destination):
+            return 0
+        encoded = self.encode([item], item.destination, room_bytes, now)
+        return 0 if encoded is None else len(encoded.frame)
+
     def sent(self, encoded: Encoded, now: int) -> None:
         """Record that a block is sent; until then it is a draft."""
         assert self._speaker is not None

@@ -15,7 +15,7 @@ from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import SAMPLE_LANE, Waiting
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.carry import CARRY_STREAM_ID
-from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.specs import TopicSpec, in_parts
 from zacoustic.core.streams.table import AGE_FIELD, Stream
 from zacoustic.core.transport.carry.carrying import Carrying
 from zacoustic.core.transport.deliveries import (
@@ -45,7 +45,6 @@ from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode
 from zacoustic.errors import UnknownStreamError
 
 _AGE_BYTES: Final = 1
-_IN_PARTS: Final = 'reliability: "reliable" in its stream: then it crosses in parts'
 NO_DELIVERY: Final = 0
 """The result of `Engine.publish` for a best-effort sample: it has no reported outcome."""
 
@@ -170,8 +169,6 @@ class Topics:
             return self._subscriptions.refuse(stream, self.sending.next_delivery_id(), now)
         if is_reliable:
             return self._publish_reliably(stream, sample, now, is_delete=publication.delete)
-        self._queue.check_size(stream.name, sample.record_bytes, hint=_IN_PARTS)
-        count(self._stats.published, stream.stream_id)
         item = Waiting(
             stream_id=stream.stream_id,
             destination=self._destination(stream, spec),
@@ -181,10 +178,16 @@ class Topics:
             stamped=sample.stamped,
             delimits_itself=stream.codec.delimits_itself or publication.delete,
             dense_value=sample.dense_value,
-            tick=self._stats.published[stream.stream_id],
+            tick=self._stats.published.get(stream.stream_id, 0) + 1,
             queued_at=sample.made_at,
             expires_at=sample.expires_at,
         )
+        largest_bytes = self._queue.largest_bytes
+        if largest_bytes is not None and sample.record_bytes > largest_bytes:
+            item.block_bytes = self.dense.alone_bytes(item, largest_bytes, now)
+            if not item.block_bytes:
+                self._queue.check_size(stream.name, sample.record_bytes, hint=in_parts(spec))
+        count(self._stats.published, stream.stream_id)
         lane = (stream.stream_id, SAMPLE_LANE, *sample.instance)
         self.copied.publish(lane, item, stream.qos, now)
         return NO_DELIVERY
@@ -240,7 +243,7 @@ class Topics:
         self.large.check(stream, len(sample.payload))
         is_large = self._is_large(sample, is_delete=is_delete)
         if not is_large:
-            self._queue.check_size(stream.name, _needed_bytes(sample), hint=_IN_PARTS)
+            self._queue.check_size(stream.name, _needed_bytes(sample), hint=in_parts(stream.spec))
         delivery_id = self.sending.next_delivery_id()
         successor = Successor(
             delivery_id=delivery_id, sample=sample, is_delete=is_delete, is_large=is_large

@@ -40,7 +40,7 @@ from zacoustic.core.values.dense.model.prior import (
     StreamPrior,
 )
 from zacoustic.core.values.dense.model.rowmodel import START_STEADY, RowModel, TooFarError
-from zacoustic.core.values.types import OutsideNumbers, TypeSpec
+from zacoustic.core.values.types import OutsideValues, TypeSpec
 from zacoustic.errors import ConfigError
 
 Recording = Sequence[tuple[float, int, Any]]
@@ -81,7 +81,7 @@ def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
     single = several = 0
     for types, recording in missions:
         layouts = {stream_id: Layout(type_spec) for stream_id, type_spec in types.items()}
-        outsides = {stream_id: OutsideNumbers(type_spec) for stream_id, type_spec in types.items()}
+        outsides = {stream_id: OutsideValues(type_spec) for stream_id, type_spec in types.items()}
         for stream_id, layout in layouts.items():
             stream = fitting.setdefault(stream_id, _StreamFitting(layout))
             if [each.size for each in layout.columns] != stream.model.sizes:
@@ -92,7 +92,7 @@ def fit(missions: Iterable[Mission], *, window_s: float = 10.0) -> Model:
         for at_s, stream_id, value in recording:
             if stream_id not in layouts:
                 continue
-            within = outsides[stream_id].bound(types[stream_id].validate(value))
+            within = outsides[stream_id].normalised(value)
             parts = layouts[stream_id].split(within)
             fitting[stream_id].add(*parts, latest, stream_id)
             latest[stream_id] = parts[0]

@@ -7,7 +7,7 @@ import msgspec
 
 from zacoustic.core.values.payload.codec import PayloadCodec, PayloadError
 from zacoustic.core.values.types import (
-    OutsideNumbers,
+    OutsideValues,
     TypeSpec,
     check_agreement,
     struct_builder,
@@ -31,9 +31,8 @@ class TypedCodec(PayloadCodec):
 
     def __init__(self, type_spec: TypeSpec) -> None:
         self.type_spec = type_spec
-        self.outside = OutsideNumbers(type_spec)
-        """How many numbers were clamped or escaped in the values encoded so far."""
-        self._validate = type_spec.validate
+        self.outside = OutsideValues(type_spec)
+        """How many values were cut, clamped or escaped so far."""
         self._builders: dict[type[msgspec.Struct], BuildStruct] = {}
 
     def normalised(self, value: object) -> dict[str, Any]:
@@ -42,7 +41,7 @@ class TypedCodec(PayloadCodec):
         Raises:
             PayloadInvalidError: It is not of the type.
         """
-        return self.outside.bound(self._validate(value))
+        return self.outside.normalised(value)
 
     def encode(self, value: object) -> bytes:
         """Return the payload of a Mapping of field names to values, or of a `msgspec.Struct`."""

@@ -16,7 +16,8 @@ One module each:
 - `quantiser`: `Quantiser`, numbers with a step as integers and back; `lattice`: `Lattice`, every
   bounded scalar as the integers from 0;
 - `ends`: `Ends`, the ends of a float's range, also in single precision;
-- `outside`: `OutsideNumbers`, the treatment of numbers outside of their range;
+- `outside`: `OutsideValues`, the treatment of values outside of their bounds; `trimming`: of those
+  that are too long, or that the type does not know;
 - `scalars`, `validation`: checks of an application's values, compiled once;
 - `spec`: `TypeSpec`; `table`: `TypeTable`, nested types by name;
 - `annotations`: `Bounds`; `structs`: types from annotated Python classes, and values into them;
@@ -36,7 +37,7 @@ from zacoustic.core.values.types.ends import Ends
 from zacoustic.core.values.types.fields import FLOAT_TYPES, INTEGER_LIMITS, SCALAR_TYPES, FieldSpec
 from zacoustic.core.values.types.generated import struct_from_type
 from zacoustic.core.values.types.lattice import Lattice
-from zacoustic.core.values.types.outside import OutsideNumbers
+from zacoustic.core.values.types.outside import OutsideValues
 from zacoustic.core.values.types.quantiser import Quantiser
 from zacoustic.core.values.types.spec import MAX_DEPTH, TypeSpec
 from zacoustic.core.values.types.structs import struct_builder, type_from_struct
@@ -51,7 +52,7 @@ __all__ = [
     "Ends",
     "FieldSpec",
     "Lattice",
-    "OutsideNumbers",
+    "OutsideValues",
     "Quantiser",
     "TypeSpec",
     "TypeTable",

@@ -41,7 +41,7 @@ MAX_LENGTH: Final = 65535
 """Greatest `length` and `max_length`."""
 
 OUTSIDE_WORDS: Final = ("reject", "clamp", "escape")
-"""The treatments of a number outside of the range."""
+"""The treatments of a value outside of the bounds."""
 
 _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
@@ -82,8 +82,10 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     default: Default | None = None
     """Value of a missing field; scalars only. Not part of the type's digest: the value crosses."""
     outside: str = "reject"
-    """Treatment of a number outside of `range`, one of `OUTSIDE_WORDS`: it is refused, moved to the
-    nearer end, or carried in the full width of its type; the last two are counted."""
+    """Treatment of a value outside of the bounds, one of `OUTSIDE_WORDS`; the last two are counted.
+    ``reject``: it is refused. ``clamp``: a number is moved to the nearer end of `range`, a long
+    list or text is cut, an unknown value of an enum becomes the default or is missing. ``escape``:
+    a number is carried in the full width of its type."""
     nan: bool = False
     """Whether a float may be no value: not a number, or an infinity, whatever its range."""
 
@@ -183,6 +185,21 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         return self.outside == "escape"
 
     @property
+    def may_be_nan(self) -> bool:
+        """Whether NaN is among the values of an element."""
+        is_free = self.range is None and self.step is None
+        return self.type in FLOAT_TYPES and (self.nan or self.escapes or is_free)
+
+    @property
+    def can_clamp(self) -> bool:
+        """Whether a value outside of the bounds has a substitute."""
+        if self.is_numeric and self.range is not None and not self.wraps:
+            return True
+        if self.type == "enum" and not self.is_array:
+            return self.optional or self.default is not None
+        return self.max_length is not None
+
+    @property
     def quantiser(self) -> Quantiser | None:
         """Converts numbers to counts of the step; None without a step."""
         limits = self.limits
@@ -243,11 +260,15 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
             raise ConfigError(f'outside: "{self.outside}"; allowed: {", ".join(OUTSIDE_WORDS)}')
         if self.outside == "reject":
             return
-        if self.range is None or self.wraps:
-            what = "wraps" if self.wraps else "without range"
-            raise ConfigError(
-                f'outside: "{self.outside}" {what}; allowed: with a range that does not wrap'
-            )
+        if self.outside == "clamp" and self.can_clamp:
+            return
+        if self.outside == "escape" and self.range is not None and not self.wraps:
+            return
+        allowed = "with a range that does not wrap"
+        if self.outside == "clamp":
+            allowed += ", a max_length, or for an enum with default or optional"
+        what = "wraps" if self.wraps else "without range"
+        raise ConfigError(f'outside: "{self.outside}" {what}; allowed: {allowed}')
 
     def _check_lengths(self) -> None:
         for key in ("length", "max_length", "min_length"):

@@ -1,7 +1,8 @@
-"""Numbers outside of their range: moved to its nearer end, or carried in full, and counted.
+"""Values outside of their bounds: cut, moved to the nearer end, or carried in full, and counted.
 
-A pressure sensor that reads -0.2 dbar at the surface must not cost the operator the whole sample.
-`FieldSpec.outside` says which field tolerates that. Anyone who looks for a sensor with wrong bounds
+A pressure sensor that reads -0.2 dbar at the surface must not cost the operator the whole sample,
+nor must a member that a new firmware adds. `FieldSpec.outside` says which field tolerates that, and
+`outside` of a stream says it of its whole type. Anyone who looks for a sensor with wrong bounds
 finds the counts here, under the paths of the fields (``legs[].speed``).
 """
 
@@ -12,13 +13,14 @@ from typing import Any
 from zacoustic.core.values.types.ends import Ends
 from zacoustic.core.values.types.fields import FieldSpec
 from zacoustic.core.values.types.spec import TypeSpec
+from zacoustic.core.values.types.trimming import compile_trim
 
 Bound = Callable[[Any], Any]
 """Takes a validated value and returns it within bounds; changes dicts and lists in place."""
 
 
-class OutsideNumbers:
-    """Counts the values of one stream that were outside of their range.
+class OutsideValues:
+    """Counts the values of one stream that were outside of their bounds.
 
     Args:
         type_spec: The type of the values, resolved.
@@ -29,10 +31,27 @@ class OutsideNumbers:
         """Numbers that were moved to an end of their range, by path of the field."""
         self.escaped: Counter[str] = Counter()
         """Numbers that were carried in full width, by path of the field."""
+        self.trimmed: Counter[str] = Counter()
+        """Members that were left out, lists and texts that were cut, unknown names, by path."""
+        trim = compile_trim(type_spec, self._note)
+        self.trim: Callable[[Any], Any] = trim or _as_it_is
+        """Cuts and counts what `TypeSpec.validate_trimmed` would refuse of an unchecked value."""
+        self._validate = type_spec.validate_trimmed
         self.bound: Callable[[dict[str, Any]], dict[str, Any]] = (
             self._of_type(type_spec, "") or _as_it_is
         )
         """Clamps and counts the numbers of a value that `TypeSpec.validate` returned."""
+
+    def normalised(self, value: object) -> dict[str, Any]:
+        """Return an application's value ready for encoding: cut, checked, clamped, counted.
+
+        Raises:
+            PayloadInvalidError: It is not of the type.
+        """
+        return self.bound(self._validate(self.trim(value)))
+
+    def _note(self, path: str) -> None:
+        self.trimmed[path] += 1
 
     def _of_type(self, type_spec: TypeSpec, path: str) -> Bound | None:
         bounds = [
@@ -65,7 +84,7 @@ class OutsideNumbers:
         return lambda elements: [each(element) for element in elements]
 
     def _of_number(self, field: FieldSpec, path: str) -> Bound | None:
-        if field.outside == "reject":
+        if field.range is None or field.outside == "reject":
             return None
         low, high = field.bounds
         clamps = field.outside == "clamp"
@@ -90,6 +109,6 @@ def _nothing(number: float) -> float | None:
     """Return None: an integer outside of its range stands for no end."""
 
 
-def _as_it_is(value: dict[str, Any]) -> dict[str, Any]:
-    """Return the value: all numbers of the type are within their ranges."""
+def _as_it_is(value: Any) -> Any:  # noqa: ANN401 (of any type)
+    """Return the value: the type refuses all that is outside of its bounds."""
     return value

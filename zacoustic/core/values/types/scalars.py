@@ -7,7 +7,12 @@ from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 from zacoustic.core.values.types.ends import Ends, single
-from zacoustic.core.values.types.fields import FLOAT32_MAX, INTEGER_LIMITS, FieldSpec
+from zacoustic.core.values.types.fields import (
+    FLOAT32_MAX,
+    FLOAT_TYPES,
+    INTEGER_LIMITS,
+    FieldSpec,
+)
 
 Check = Callable[[object], Any]
 """Takes a value and returns it normalised, or raises `RefusedError`."""
@@ -28,7 +33,9 @@ class RefusedError(Exception):
 def _refused(field: FieldSpec, value: object) -> RefusedError:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     unit = f" {field.unit}" if field.unit and is_number else ""
-    return RefusedError(f" is {shown(value)}{unit}; allowed: {field.allowed}")
+    is_none = isinstance(value, float) and not math.isfinite(value)
+    hint = "nan: true lets it be no value" if is_none and field.type in FLOAT_TYPES else ""
+    return RefusedError(f" is {shown(value)}{unit}; allowed: {field.allowed}", hint=hint)
 
 
 def _bool_check(field: FieldSpec) -> Check:
@@ -42,7 +49,7 @@ def _bool_check(field: FieldSpec) -> Check:
 
 def _integer_check(field: FieldSpec) -> Check:
     low, high = (int(limit) for limit in field.bounds)
-    if field.outside != "reject":
+    if field.outside != "reject" and not field.wraps:
         low, high = INTEGER_LIMITS[field.type]
     span = high - low if field.wraps else 0
 
@@ -61,10 +68,11 @@ def _integer_check(field: FieldSpec) -> Check:
 
 def _float_check(field: FieldSpec) -> Check:
     unbounded = (-FLOAT32_MAX, FLOAT32_MAX) if field.type == "float32" else None
-    limits = (field.limits if field.outside == "reject" else None) or unbounded
+    is_open = field.outside != "reject" and field.range is not None
+    limits = (None if is_open else field.limits) or unbounded
     # Without limits NaN and infinity are values as well.
     any_float = field.limits is None or field.escapes or field.nan
-    if field.outside == "clamp":
+    if is_open and not field.escapes:
         limits = None
     low, high = limits or (-math.inf, math.inf)
     stands_for = _end_check(field)
@@ -159,14 +167,18 @@ def _enum_check(field: FieldSpec) -> Check:
     known = {value: value for value in field.values}
 
     def check(value: object) -> str:
-        if isinstance(value, enum.Enum):
-            value = enum_name(value)
+        value = enum_of(value)
         name = known.get(value) if isinstance(value, str) else None
         if name is None:
             raise _refused(field, value)
         return name
 
     return check
+
+
+def enum_of(value: object) -> object:
+    """Return the name of an `Enum` member, or the value as it is."""
+    return enum_name(value) if isinstance(value, enum.Enum) else value
 
 
 def enum_name(member: enum.Enum) -> str:

@@ -14,6 +14,7 @@ import msgspec
 
 from zacoustic.core.values.types.fields import SCALAR_TYPES, FieldSpec
 from zacoustic.core.values.types.scalars import Check
+from zacoustic.core.values.types.trimming import compile_trim
 from zacoustic.core.values.types.validation import compile_fields, compile_validator
 from zacoustic.errors import ConfigError, PayloadInvalidError
 
@@ -38,6 +39,8 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
     """The fields in their order on the wire; none: a type with one value, of zero bytes."""
     nested: "tuple[TypeSpec, ...]" = ()
     """The resolved types that `fields` name."""
+    drops_unknown: bool = False
+    """Whether members that no field names are left out of a value, not a reason to refuse it."""
     is_hidden: bool = False
     """Whether it has members, none of which a foreign wire carries: no fields, and no bytes."""
 
@@ -109,6 +112,12 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         arrays, dicts for nested types. Raises `PayloadInvalidError` in one line that states type,
         field path, value and allowed values.
         """
+        check, trim = self.validate_trimmed, compile_trim(self, _no_note)
+        return check if trim is None else lambda value: check(trim(value))
+
+    @cached_property
+    def validate_trimmed(self) -> Callable[[object], dict[str, Any]]:
+        """The same, but nothing is cut or left out, whatever `outside` says of it."""
         nested = {spec.name: spec.check_fields for spec in self._used_types()}
         return compile_validator(self.name, self.fields, nested)
 
@@ -117,6 +126,24 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
         """Called by `validate` of an enclosing type; raises refusals without a path."""
         nested = {spec.name: spec.check_fields for spec in self._used_types()}
         return compile_fields(self.fields, nested)
+
+    def clamping(self) -> "TypeSpec":
+        """Return the type with ``outside: "clamp"`` wherever a field says nothing and could.
+
+        Members that it does not know are left out. What crosses is the same.
+        """
+        return TypeSpec(
+            name=self.name,
+            fields=tuple(
+                msgspec.structs.replace(field, outside="clamp")
+                if field.outside == "reject" and field.can_clamp
+                else field
+                for field in self.fields
+            ),
+            nested=tuple(spec.clamping() for spec in self.nested),
+            drops_unknown=True,
+            is_hidden=self.is_hidden,
+        )
 
     def canonical(self) -> bytes:
         """Describe everything that changes decoding, in bytes that are equal for equal types.
@@ -183,3 +210,7 @@ class TypeSpec(msgspec.Struct, frozen=True, kw_only=True, dict=True):
             check({field.name: field.default})
         except PayloadInvalidError as error:
             raise ConfigError(f"{key}.default: {error}") from None
+
+
+def _no_note(path: str) -> None:
+    """Take the path of what was cut or left out, for nobody."""

@@ -86,6 +86,7 @@ class TypeTable:
                 name=name,
                 fields=spec.fields,
                 nested=tuple(nested.values()),
+                drops_unknown=spec.drops_unknown,
                 is_hidden=spec.is_hidden,
             )
         except ConfigError as error:

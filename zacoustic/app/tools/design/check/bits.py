@@ -78,7 +78,8 @@ def _usual(spec: TypeSpec) -> TypeSpec:
         if usual.escapes:
             usual = msgspec.structs.replace(usual, outside="clamp")
         if usual.max_length is not None:
-            usual = msgspec.structs.replace(usual, max_length=(usual.max_length + 1) // 2)
+            half = max((usual.max_length + 1) // 2, usual.min_length or 0)
+            usual = msgspec.structs.replace(usual, max_length=half)
         fields.append(usual)
     nested = tuple(_usual(each) for each in spec.nested)
     return TypeSpec(name=spec.name, fields=tuple(fields), nested=nested, is_hidden=spec.is_hidden)

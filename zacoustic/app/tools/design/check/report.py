@@ -13,7 +13,7 @@ from pathlib import Path
 
 import msgspec
 
-from zacoustic.app.tools.crossing import IN_PARTS, crosses_in_parts, room_bytes
+from zacoustic.app.tools.crossing import crosses_in_parts, room_bytes
 from zacoustic.app.tools.design.check import desert
 from zacoustic.app.tools.design.check.bits import SampleBits, sample_bits
 from zacoustic.app.tools.design.sharenote import capabilities_like, share_notes
@@ -36,7 +36,7 @@ from zacoustic.core.schedule.access import (
     choose,
 )
 from zacoustic.core.schedule.silence import QuietWindow
-from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec, in_parts
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.payload import CborCodec, PayloadCodec, TypedCodec
@@ -557,7 +557,8 @@ def _misfits(config: Config, rows: tuple[StreamRow, ...], profile: ModemProfile)
     for row in rows:
         if row.smallest_bytes <= room or crosses_in_parts(config.table.by_id(row.stream_id)):
             continue
-        hint = IN_PARTS if row.kind == "topic" else "make it smaller"
+        parts = in_parts(config.table.by_id(row.stream_id).spec)
+        hint = parts if row.kind == "topic" else "make it smaller"
         yield (
             f"{_what(row)}: even its smallest record, {row.smallest_bytes} bytes, does not fit "
             f"the {room} bytes that a frame has for it: it never crosses ({hint})"
@@ -569,7 +570,8 @@ def _room_notes(
 ) -> Iterator[str]:
     room = room_bytes(profile.mtu_bytes)
     for row in rows:
-        hint = f" ({IN_PARTS})" if row.kind == "topic" else ""
+        parts = in_parts(config.table.by_id(row.stream_id).spec)
+        hint = f" ({parts})" if row.kind == "topic" else ""
         if crosses_in_parts(config.table.by_id(row.stream_id)):
             if row.smallest_bytes > room:
                 yield (

@@ -166,8 +166,12 @@ def infer_number(field: str, seen: list[float]) -> tuple[dict[str, Any], str]:
         field: Its name.
         seen: Its observed values, at least one.
     """
-    if not all(math.isfinite(value) for value in seen):
-        return {"type": "float64"}, "NaN or infinity seen: no range, no step"
+    finite = [value for value in seen if math.isfinite(value)]
+    if not finite:
+        return {"type": "float64", "nan": True}, "only NaN or infinity seen: no range, no step"
+    if len(finite) < len(seen):
+        of_numbers, remark = infer_number(field, finite)
+        return {**of_numbers, "nan": True}, f"{remark}, NaN or infinity too"
     low, high = min(seen), max(seen)
     remark = f"seen {_span(low, high)}"
     quantity = quantity_of(field, seen)

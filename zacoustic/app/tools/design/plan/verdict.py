@@ -6,13 +6,12 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.crossing import IN_PARTS
 from zacoustic.app.tools.design.plan.fleet import Fleet, Refused
 from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.app.tools.design.plan.walk import Found, Walk
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.schedule.access.spec import AlohaSpec
-from zacoustic.core.streams.specs import ServiceSpec
+from zacoustic.core.streams.specs import ServiceSpec, in_parts
 from zacoustic.core.streams.table import Stream
 from zacoustic.errors import LocalError, PayloadTooLargeError
 
@@ -27,7 +26,6 @@ MOST_TRIED_ARRIVALS: Final = 2_000
 _HALF, _WORST = 0.5, 0.99
 _ENOUGH, _ENOUGH_SURE = 20, 5
 """So many transmissions, and of what is repeated so many, of which none arrives: none ever does."""
-_TOO_LARGE: Final = f"larger than a frame ({IN_PARTS})"
 
 
 class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
@@ -148,7 +146,7 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
                 worst_s=_share_of(latencies, _WORST),
                 bound_s=_bound_s(stream),
                 refused=max(refused, refusal.share if refusal else 0.0),
-                reason=_reason(found.refusals.get(stream_id), refusal),
+                reason=_reason(stream, found.refusals.get(stream_id), refusal),
                 unreached=_unreached(fleet, stream, own, found),
                 arrived=_arrived(fleet, stream, own, found),
             )
@@ -188,11 +186,13 @@ def verdict_of(fleet: Fleet, streams: list[StreamFound], found: Found) -> Verdic
     return Verdict(demand=demand, misfits=tuple(misfits), agreement=agreement)
 
 
-def _reason(error: LocalError | None, refusal: Refused | None) -> str:
+def _reason(stream: Stream, error: LocalError | None, refusal: Refused | None) -> str:
     """Return why samples are refused: by the engine, or when the recording was read."""
     if error is None:
         return refusal.reason if refusal else ""
-    return _TOO_LARGE if isinstance(error, PayloadTooLargeError) else str(error)
+    if isinstance(error, PayloadTooLargeError):
+        return f"larger than a frame ({in_parts(stream.spec)})"
+    return str(error)
 
 
 def _unreached(fleet: Fleet, stream: Stream, own: Sequence[Offer], found: Found) -> tuple[int, ...]:

@@ -18,7 +18,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.qos import Stamp
 from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable, aged
 from zacoustic.core.values.age import encode_age
-from zacoustic.core.values.types import FieldSpec, Lattice, OutsideNumbers, TypeSpec
+from zacoustic.core.values.types import FieldSpec, Lattice, OutsideValues, TypeSpec
 from zacoustic.errors import ConfigError, PayloadInvalidError
 
 _SHOWN_NAMES: Final = 12
@@ -151,14 +151,14 @@ class _Reading:
 
     def _add_mission(self, path: str, streams: dict[int, Stream], written: list[Sample]) -> None:
         types: dict[int, TypeSpec] = {}
-        outside: dict[int, OutsideNumbers] = {}
+        outside: dict[int, OutsideValues] = {}
         dense_types: dict[int, TypeSpec] = {}
         for stream_id in sorted({stream_id for _, stream_id, _ in written}):
             stream = streams[stream_id]
             assert stream.type is not None
             values = [value for _, each, value in written if each == stream_id]
             types[stream_id] = self._moved(f"{path}: {stream.name}", stream.type, values)
-            outside[stream_id] = OutsideNumbers(types[stream_id])
+            outside[stream_id] = OutsideValues(types[stream_id])
             is_aged = stream.qos.stamp is Stamp.AGE
             dense_types[stream_id] = aged(types[stream_id]) if is_aged else types[stream_id]
             self._found.counts.setdefault(
@@ -168,20 +168,19 @@ class _Reading:
         for at_s, stream_id, value in written:
             count = self._found.counts[stream_id]
             try:
-                value = types[stream_id].validate(value)
+                value = outside[stream_id].normalised(value)
             except PayloadInvalidError as error:
                 count.refused += 1
                 count.reason = count.reason or str(error)
                 continue
-            value = outside[stream_id].bound(value)
             if dense_types[stream_id] is not types[stream_id]:
                 waits_s = self._window_s - at_s % self._window_s
                 value[AGE_FIELD] = encode_age(seconds_to_ns(waits_s))
             samples.append((at_s, stream_id, value))
             count.samples += 1
         for stream_id, each in outside.items():
-            numbers = each.clamped.total() + each.escaped.total()
-            self._found.counts[stream_id].outside += numbers
+            beyond = each.clamped.total() + each.escaped.total() + each.trimmed.total()
+            self._found.counts[stream_id].outside += beyond
         if samples:
             self._found.missions.append(Mission(dense_types, samples))
 

@@ -6,6 +6,7 @@ text, and the value of a type with one field without a list around it.
 
 import base64
 import binascii
+import math
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -91,6 +92,8 @@ def _is_right_element(type_spec: TypeSpec, field: FieldSpec, sent: Any, found: A
         return is_right(type_spec.nested_type(field.type), sent, found)
     if not field.is_numeric:
         return bool(sent == found)
+    if not math.isfinite(sent):
+        return repr(sent) == repr(found)
     distance = abs(sent - found)
     if field.wraps and field.range is not None:
         distance = min(distance, abs(field.range[1] - field.range[0] - distance))

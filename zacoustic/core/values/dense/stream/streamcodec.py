@@ -18,7 +18,7 @@ from zacoustic.core.values.dense.model.layout import Layout, Row
 from zacoustic.core.values.dense.model.prior import First, StreamPrior, adaptations_of, check_prior
 from zacoustic.core.values.dense.model.rowmodel import START_STEADY, RowModel, TooFarError
 from zacoustic.core.values.dense.stream.restcodec import RestCodec, plain_bits
-from zacoustic.core.values.types import OutsideNumbers, TypeSpec
+from zacoustic.core.values.types import OutsideValues, TypeSpec
 
 _AGAINST, _FIRST, _PLAIN = 0, 1, 2
 _ALL_WAYS: Final = (_AGAINST, _FIRST, _PLAIN)
@@ -48,8 +48,8 @@ class StreamCodec:
     ) -> None:
         self.stream_id = stream_id
         self.type_spec = type_spec
-        self.outside = OutsideNumbers(type_spec)
-        """How many numbers were clamped or escaped in the values written so far."""
+        self.outside = OutsideValues(type_spec)
+        """How many values were cut, clamped or escaped so far."""
         self.layout = Layout(type_spec)
         self.model = RowModel(self.layout.columns)
         self.prior = prior
@@ -77,7 +77,7 @@ class StreamCodec:
         row = self.layout.take(value)
         if row is not None:
             return row, []
-        return self.layout.split(self.outside.bound(self.type_spec.validate(value)))
+        return self.layout.split(self.outside.normalised(value))
 
     def write(
         self,
