@@ -183,8 +183,15 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
                 f"its mtu_bytes, {self.mtu_bytes}"
             )
 
-    def airtime_ns(self, frame_bytes: int) -> int:
-        """Return the airtime of a frame of that size, ns: preamble and bits, without the gap."""
+    def airtime_ns(self, frame_bytes: int, service: Service = Service.PLAIN) -> int:
+        """Return the airtime of a frame of that size, ns: preamble and bits, without the gap.
+
+        Args:
+            frame_bytes: Its length, bytes.
+            service: What carries it; where the link has no such service, the plain one.
+        """
+        if service is Service.BULK and self.bulk is not None:
+            return self.bulk.airtime_ns(frame_bytes)
         return seconds_to_ns(self.preamble_s + frame_bytes * 8 / self.bit_rate_bps)
 
     def bounded(self, max_frame_s: float) -> "LinkCapabilities":

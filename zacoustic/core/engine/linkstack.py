@@ -160,8 +160,11 @@ class LinkStack:
 
     def handle_report(self, report: TransmitReport, now: int) -> None:
         """Take the report of a transmission that has ended."""
+        port = self.transmitter.port
+        service = Service.BULK if port is not None and port.is_bulk(report) else Service.PLAIN
         if self.transmitter.finish(report, now):
-            self._trace.note(now, "report", detail=report.outcome.value, link=self.name)
+            detail = report.outcome.value
+            self._trace.note(now, "report", detail=detail, link=self.name, service=service)
         else:
             self.stats.drop("stray_report")
 
@@ -223,6 +226,7 @@ class LinkStack:
             frame=transmission.frame_bytes,
             streams=composed.streams,
             link=self.name,
+            service=transmission.service,
         )
         is_urgent = composed.is_urgent or any(map(self._is_urgent, composed.streams))
         if is_urgent and transmission.service is Service.PLAIN:
@@ -386,7 +390,13 @@ class LinkStack:
             return
         self.stats.drop(reason)
         self._trace.note(
-            now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason, link=self.name
+            now,
+            "drop",
+            peer=frame.source,
+            frame=frame.frame_bytes,
+            detail=reason,
+            link=self.name,
+            service=frame.service,
         )
 
     def _receive(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
@@ -400,6 +410,7 @@ class LinkStack:
             frame=frame.frame_bytes,
             streams=streams,
             link=self.name,
+            service=frame.service,
         )
 
     def _is_urgent(self, stream_id: int) -> bool:

@@ -23,8 +23,9 @@ STYLE: Final = """
   background: #c40f1c; color: #fff; font-size: 17px; font-weight: 700; white-space: pre-line;
   text-align: center; }
 #za-banner[hidden] { display: none; }
-#za-banner button { margin-left: 14px; padding: 2px 12px; border: 1px solid #fff; border-radius: 4px;
-  background: transparent; color: #fff; font: inherit; font-size: 14px; cursor: pointer; }
+#za-banner button { margin-left: 14px; padding: 2px 12px; border: 1px solid #fff;
+  border-radius: 4px; background: transparent; color: #fff; font: inherit; font-size: 14px;
+  cursor: pointer; }
 .nicegui-content { padding-top: var(--za-banner, 0px) !important; }
 .q-header { top: var(--za-banner, 0px) !important; }
 body.za-gone .za-live { opacity: .4; filter: grayscale(1); cursor: not-allowed; }

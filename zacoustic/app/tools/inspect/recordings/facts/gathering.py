@@ -111,6 +111,8 @@ class _Gatherer:
         self._envelopes: dict[int, Envelope] = {}
         self._ranges: dict[tuple[int, int], int] = {}
         """When the newest range of each pair was measured, UTC, ns."""
+        self._books: dict[int, _Book] = {}
+        """The ledgers of gateways on a recorded network."""
         self._table: StreamTable | None = None
         """The table of a recording without boot epochs."""
 
@@ -158,7 +160,9 @@ class _Gatherer:
             case "events" if not is_network:
                 self._take_handled(message, node)
             case "ledger" if is_network:
-                facts.ledgers[node, 0] = msgspec.json.decode(data, type=_LedgerDocument).of(node)
+                told = msgspec.json.decode(data, type=_LedgerDocument)
+                book = self._books.setdefault(node, _Book())
+                facts.ledgers[node, 0] = book.take(told).of(node)
             case "ledger":
                 ledger = msgspec.json.decode(data, type=LedgerRecord)
                 facts.ledgers[node, ledger.epoch] = ledger
@@ -390,6 +394,7 @@ class _LedgerEntry(msgspec.Struct):
     stream: str
     cause: str
     bytes: int
+    airtime_s: float | None = None
 
 
 class _LedgerDocument(msgspec.Struct):
@@ -404,12 +409,55 @@ class _LedgerDocument(msgspec.Struct):
                 stream=each.stream,
                 cause=each.cause,
                 transmitted_bytes=each.bytes,
+                airtime_s=each.airtime_s,
             )
             for each in self.entries
         )
         return LedgerRecord(
             node=node, epoch=0, frames=0, bytes=self.bytes, airtime_s=self.airtime_s, rows=rows
         )
+
+
+class _Book:
+    """The part of a gateway's ledger that belongs to the recorded time.
+
+    A gateway publishes its ledger since its start, which may be months ago; after a restart it
+    counts from zero.
+    """
+
+    def __init__(self) -> None:
+        self._last: _LedgerDocument | None = None
+        self._sum = _LedgerDocument(0, 0.0, [])
+
+    def take(self, told: _LedgerDocument) -> _LedgerDocument:
+        """Take the next document; return what was transmitted since the first one."""
+        last, self._last = self._last, told
+        if last is None:
+            return self._sum
+        if told.bytes < last.bytes:
+            last = _LedgerDocument(0, 0.0, [])  # another start
+        self._sum = _added(self._sum, told, last)
+        return self._sum
+
+
+def _added(whole: _LedgerDocument, told: _LedgerDocument, last: _LedgerDocument) -> _LedgerDocument:
+    """Return a ledger with what another one has more than its last state."""
+    rows = {(each.id, each.cause): each for each in whole.entries}
+    before = {(each.id, each.cause): each for each in last.entries}
+    for each in told.entries:
+        key = each.id, each.cause
+        nothing = msgspec.structs.replace(each, bytes=0, airtime_s=0.0)
+        was, so_far = before.get(key, nothing), rows.get(key, nothing)
+        rows[key] = msgspec.structs.replace(
+            each,
+            bytes=so_far.bytes + each.bytes - was.bytes,
+            airtime_s=(so_far.airtime_s or 0.0) + (each.airtime_s or 0.0) - (was.airtime_s or 0.0),
+        )
+    return _LedgerDocument(
+        whole.bytes + told.bytes - last.bytes,
+        whole.airtime_s + told.airtime_s - last.airtime_s,
+        [each for each in rows.values() if each.bytes],
+    )
 
 
 def _payload(stream: Stream, value: Any) -> bytes:  # noqa: ANN401 (as the application has it)

@@ -55,7 +55,7 @@ class StreamFigures(msgspec.Struct, kw_only=True):
     transmitted_bytes: int = 0
     """Bytes given to the links, with headers and repetitions."""
     airtime_s: float = 0.0
-    """Its share of the airtime, by bytes, s."""
+    """Its share of the airtime in the recorded time, s."""
 
 
 class NodeFigures(msgspec.Struct, kw_only=True):
@@ -176,7 +176,10 @@ def _streams(facts: Facts) -> list[StreamFigures]:
         for row in ledger.rows:
             if row.stream_id != NO_STREAM and row.stream_id in found:
                 found[row.stream_id].transmitted_bytes += row.transmitted_bytes
-                found[row.stream_id].airtime_s += row.transmitted_bytes * per_byte_s
+                own_s = row.airtime_s
+                found[row.stream_id].airtime_s += (
+                    row.transmitted_bytes * per_byte_s if own_s is None else own_s
+                )
     return list(found.values())
 
 
