@@ -219,6 +219,7 @@ class LinkStack:
         if made is None:
             return None
         transmission, composed = made
+        self._context.node.twins.sent(transmission.frame_bytes)
         self._trace.note(
             now,
             "transmit",
@@ -388,6 +389,8 @@ class LinkStack:
         """Count a frame that is dropped; None: it is not."""
         if reason is None:
             return
+        if reason == "own" and self._seal is None:
+            self._context.node.twins.heard_own(frame.frame_bytes, now)
         self.stats.drop(reason)
         self._trace.note(
             now,

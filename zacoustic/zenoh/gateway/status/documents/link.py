@@ -52,7 +52,8 @@ class LinkStatus:
         """Return the documents, by the end of their keys."""
         doubt = self._engine.doubt.reason
         return {
-            "node": self._about | {"doubt": doubt},
+            "node": self._about
+            | {"doubt": doubt, "shared": self._engine.address in self._engine.twins.shared},
             **self._links(),
             "ledger": self._ledger(self._engine.stats),
             **self._seals(),

@@ -55,6 +55,7 @@ class PeerTable:
             "epoch": seen.epoch if seen else None,
             "same_table": seen.same_table if seen else None,
             "wire_version": seen.wire_version if seen else None,
+            "shared": address in self._engine.twins.shared,
             "confirmed_us": confirmed.get(address, False),
             "heard_at_unix_s": heard_at_unix_s,
             **self._traffic.of_peer(address),
