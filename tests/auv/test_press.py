@@ -20,7 +20,7 @@ def run(*steps: tuple[Any, ...]) -> list[str]:
     node = _node()
     if node is None:
         pytest.skip("NOT RUN: no node, and no playwright, which brings one")
-    command = [node, HERE / "press.mjs", SOURCE, json.dumps(steps)]
+    command = [node, str(HERE / "press.mjs"), str(SOURCE), json.dumps(steps)]
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=60)
     found: list[str] = json.loads(done.stdout)
     return found
