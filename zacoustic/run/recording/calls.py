@@ -9,7 +9,7 @@ not need its content.
 import enum
 import hashlib
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import msgspec
@@ -26,6 +26,9 @@ TYPES: Final = "zacoustic_types"
 
 _LATER: Final = "then"
 """Argument that is a function of the application; a replay calls one that returns nothing."""
+_EVENT: Final = "poll_event"
+_NOTHING: Final = b"\xc0"
+"""The outcome of a call that has returned None."""
 _VALUES: Final = ("value",)
 """Arguments of any type, as the application passes them."""
 
@@ -131,12 +134,15 @@ class CallReader:
 
     Args:
         names: Names of the calls by number.
+        only: The calls to read, and events that there were; None: all.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], only: Collection[str] | None = None) -> None:
         self._names = names
+        self._only = only
         self._parameters: dict[str, dict[str, Any]] = {}
-        self._decoder = msgspec.msgpack.Decoder(list[tuple[int, dict[str, Any], msgspec.Raw]])
+        self._decoder = msgspec.msgpack.Decoder(list[tuple[int, msgspec.Raw, msgspec.Raw]])
+        self._arguments = msgspec.msgpack.Decoder(dict[str, Any])
 
     def read(self, data: bytes) -> Iterator[Recorded]:
         """Read the calls of a message.
@@ -146,8 +152,14 @@ class CallReader:
         """
         try:
             for number, arguments, outcome in self._decoder.decode(data):
-                name = self._names[number]
-                yield Recorded(name, self._typed(name, arguments), bytes(outcome))
+                name, told = self._names[number], bytes(outcome)
+                if self._only is not None:
+                    if name not in self._only or (name == _EVENT and told == _NOTHING):
+                        continue
+                    if name == _EVENT:
+                        yield Recorded(name, {}, told)
+                        continue
+                yield Recorded(name, self._typed(name, self._arguments.decode(arguments)), told)
         except (msgspec.DecodeError, ValueError, IndexError, RecursionError) as error:
             raise ConfigError(f"a call of the engine cannot be read: {error}") from error
 

@@ -1,6 +1,6 @@
 """The boot epochs of nodes in a recording, one message after the other."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -45,9 +45,14 @@ class _Written(msgspec.Struct):
 
 
 class LifeReader:
-    """Finds boot epochs and calls in the messages of a recording."""
+    """Finds boot epochs and calls in the messages of a recording.
 
-    def __init__(self) -> None:
+    Args:
+        only: The calls to read; None: all.
+    """
+
+    def __init__(self, only: Collection[str] | None = None) -> None:
+        self._only = only
         self.epochs = 0
         """Number of epochs begun."""
         self._readers: dict[int, CallReader] = {}
@@ -78,7 +83,7 @@ class LifeReader:
                     hint=f"replay it with zacoustic {life.program}",
                 )
             self.epochs += 1
-            self._readers[life.address] = CallReader(life.calls)
+            self._readers[life.address] = CallReader(life.calls, self._only)
             return NewLife(life)
         node = whole_number(message.metadata.get("node", ""))
         reader = self._readers.get(node) if node is not None else None

@@ -4,8 +4,9 @@ A recorded engine gives everything: requests, received samples, every frame. A r
 gives the frames of its gateways, and the samples that they received.
 """
 
+import hashlib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +20,7 @@ from zacoustic.app.tools.inspect.recordings.facts.facts import (
     Handled,
     Published,
 )
+from zacoustic.app.tools.inspect.recordings.facts.reactions import REACTIONS
 from zacoustic.core.base.linktypes import (
     LinkMetrics,
     Measurement,
@@ -43,17 +45,32 @@ from zacoustic.run.recording.reading import ReadMessage, RecordingReader
 from zacoustic.run.recording.samples import SAMPLES_TOPIC, TABLE_TOPIC, SampleRecord, decode_table
 
 
-def gather(paths: Iterable[str | Path]) -> Facts:
+def gather(
+    paths: Iterable[str | Path],
+    *,
+    lean: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Facts:
     """Read recordings.
+
+    Args:
+        paths: The files.
+        lean: Keep what figures need alone: no values, no reactions, of a frame its numbers.
+        progress: Called with the share that has been read, 0…1.
 
     Raises:
         ConfigError: A file is no recording, or contains neither a gateway nor an engine.
     """
-    facts = Facts()
-    for path in paths:
+    facts = Facts(lean=lean)
+    paths = list(paths)
+    for number, path in enumerate(paths):
         source = RecordingReader(path, tells=False)
         facts.files.append(str(path))
-        add_messages(facts, source)
+        gatherer = _Gatherer(facts)
+        for count, message in enumerate(source):
+            gatherer.take(message)
+            if progress is not None and count % _SHOW_EACH == 0:
+                progress((number + source.share) / len(paths))
         if source.damage:
             facts.damage[str(path)] = source.damage
     if not (facts.tables or facts.frames or facts.arrived or facts.ledgers):
@@ -84,6 +101,15 @@ _COMMANDS: Final = (
 )  # fmt: skip
 
 
+_DIGEST_BYTES: Final = 12
+_SHOW_EACH: Final = 4096
+_READ: Final = frozenset(
+    {
+        "poll_event", "publish", "call", "actions.send_goal", "declare", "handle_measurement",
+        *_COMMANDS, *REACTIONS,
+    }
+)  # fmt: skip
+"""The calls of an engine that are facts."""
 _HEAD_BYTES: Final = 40
 """The kind of an event is within this many bytes of its record."""
 
@@ -105,7 +131,9 @@ class _SealEvent(msgspec.Struct):
 class _Gatherer:
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
-        self._epochs = LifeReader()
+        self._epochs = LifeReader(_READ - REACTIONS if facts.is_lean else _READ)
+        self._places: dict[str, tuple[int | None, int | None, str]] = {}
+        """Whose a topic is, the node that its records name, and its last part."""
         self._offsets: dict[int, int] = {}
         self._calls: dict[tuple[int, object], Asked] = {}
         self._envelopes: dict[int, Envelope] = {}
@@ -121,14 +149,19 @@ class _Gatherer:
         if not facts.began_ns or message.utc_ns < facts.began_ns:
             facts.began_ns = message.utc_ns
         facts.ended_ns = max(facts.ended_ns, message.utc_ns)
-        node = message.node
-        if (whose := _WHOSE.match(message.topic)) is not None:
-            self._span(int(whose[1]), message.utc_ns)
+        place = self._places.get(message.topic)
+        if place is None:
+            found = _WHOSE.match(message.topic)
+            place = None if found is None else int(found[1]), message.node, message.name
+            self._places[message.topic] = place
+        whose, node, name = place
+        if whose is not None:
+            self._span(whose, message.utc_ns)
         if message.topic == TABLE_TOPIC:
             self._take_table(message)
         elif message.topic == SAMPLES_TOPIC:
             self._take_sample(message)
-        elif message.name == "engine" and message.encoding == "msgpack":
+        elif name == "engine" and message.encoding == "msgpack":
             self._take_engine(message)
         elif node is not None and message.encoding == "json":
             self._take_record(message, node)
@@ -144,13 +177,17 @@ class _Gatherer:
         match message.name:
             case "frames":
                 frame = msgspec.json.decode(data, type=FrameRecord)
-                facts.frames += [(message.utc_ns, each) for each in self._named(frame)]
+                for each in self._named(frame):
+                    facts.frames.append((message.utc_ns, each))
                 if frame.direction == SENT:
                     sent_bytes = facts.sent_bytes.get(node, 0) + frame.size_bytes
                     facts.sent_bytes[node] = sent_bytes
             case "reports":
                 report = msgspec.json.decode(data, type=ReportRecord)
-                facts.reports.append((message.utc_ns, report))
+                counts = facts.report_counts.setdefault(report.node, {})
+                counts[report.outcome] = counts.get(report.outcome, 0) + 1
+                if not facts.is_lean:
+                    facts.reports.append((message.utc_ns, report))
             case "links" | "link":
                 capabilities = capabilities_in(message)
                 if capabilities is not None:
@@ -285,7 +322,7 @@ class _Gatherer:
                     at_ns=at_ns,
                     node=node,
                     stream_id=stream_id,
-                    value=call.arguments.get("value"),
+                    value=None if self._facts.is_lean else call.arguments.get("value"),
                     timeout_s=call.arguments.get("timeout_s"),
                 )
                 self._facts.asked.append(asked)
@@ -320,14 +357,14 @@ class _Gatherer:
         instance = arguments.get("instance", ())
         delete = bool(arguments.get("delete"))
         value = arguments.get("value")
-        payload = b"" if delete else _payload(stream, value)
+        payload = b"" if delete else self._kept(_payload(stream, value))
         published = Published(
             at_ns=at_ns,
             node=node,
             stream_id=stream.stream_id,
             instance=instance,
             payload=payload,
-            value=value,
+            value=None if self._facts.is_lean else value,
             delete=delete,
             encoding=arguments.get("encoding"),
         )
@@ -336,6 +373,8 @@ class _Gatherer:
     def _take_event(self, node: int, kind: str, said: dict[str, Any], utc_ns: int) -> None:
         if kind == "SampleReceived" and not said["deleted"]:
             self._arrive(node, said)
+        elif kind in ("RequestReceived", "GoalReceived") and self._facts.is_lean:
+            pass
         elif kind == "RequestReceived":
             stream_id = said["call"]["stream_id"]
             self._facts.reactions.note_question(
@@ -360,8 +399,15 @@ class _Gatherer:
         asked = self._calls.pop((node, name), None)
         if asked is not None:
             failure = said.get("failure")
-            asked.ended_at_ns, asked.answer = utc_ns, said.get("value")
+            asked.ended_at_ns = utc_ns
+            asked.answer = None if self._facts.is_lean else said.get("value")
             asked.failure = "" if failure is None else str(failure)
+
+    def _kept(self, payload: bytes) -> bytes:
+        """Return what is kept of a payload, to find its arrival."""
+        if not self._facts.is_lean or len(payload) <= _DIGEST_BYTES:
+            return payload
+        return hashlib.blake2b(payload, digest_size=_DIGEST_BYTES).digest()
 
     def _arrive(self, node: int, said: dict[str, Any]) -> None:
         stream = self._facts.tables[node].get(said["stream_id"])
@@ -369,7 +415,7 @@ class _Gatherer:
             return
         at_ns = said["received_at"] + self._offsets[node]
         instance = tuple(said["instance"])
-        payload = _payload(stream, said["value"])
+        payload = self._kept(_payload(stream, said["value"]))
         arrived = Arrived(
             at_ns=at_ns,
             node=node,
@@ -377,7 +423,7 @@ class _Gatherer:
             stream_id=stream.stream_id,
             instance=instance,
             payload=payload,
-            value=said["value"],
+            value=None if self._facts.is_lean else said["value"],
             age_s=said["age_s"],
         )
         self._facts.arrived.append(arrived)

@@ -5,6 +5,7 @@ Guarantees: the bytes of a node are those of its frames, and its ledger equals t
 nodes if they differ.
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 import msgspec
@@ -113,7 +114,8 @@ class Figures(msgspec.Struct, kw_only=True):
 def figures_of(facts: Facts) -> Figures:
     """Compute the figures."""
     match(facts)
-    nodes = [_node(facts, node) for node in facts.nodes]
+    sent = _sent(facts)
+    nodes = [_node(facts, node, sent) for node in facts.nodes]
     figures = Figures(
         files=facts.files,
         began_utc_ns=facts.began_ns,
@@ -195,16 +197,24 @@ def _kind(stream: Stream) -> str:
     return "action" if isinstance(stream.spec, ActionSpec) else "topic"
 
 
-def _node(facts: Facts, node: int) -> NodeFigures:
-    found = NodeFigures(node=node, epochs=facts.epochs.get(node, 0))
+def _sent(facts: Facts) -> dict[int, tuple[int, int, float]]:
+    """Return number, bytes and airtime, s, of each node's frames."""
+    found: dict[int, tuple[int, int, float]] = {}
     for _, frame in facts.frames:
-        if frame.node == node and frame.direction == SENT:
-            found.frames += 1
-            found.frame_bytes += frame.size_bytes
-            found.airtime_s += frame.airtime_s or 0.0
-    for _, report in facts.reports:
-        if report.node == node:
-            found.outcomes[report.outcome] = found.outcomes.get(report.outcome, 0) + 1
+        if frame.direction == SENT:
+            frames, size_bytes, airtime_s = found.get(frame.node, (0, 0, 0.0))
+            found[frame.node] = (
+                frames + 1,
+                size_bytes + frame.size_bytes,
+                airtime_s + (frame.airtime_s or 0.0),
+            )
+    return found
+
+
+def _node(facts: Facts, node: int, sent: Mapping[int, tuple[int, int, float]]) -> NodeFigures:
+    found = NodeFigures(node=node, epochs=facts.epochs.get(node, 0))
+    found.frames, found.frame_bytes, found.airtime_s = sent.get(node, (0, 0, 0.0))
+    found.outcomes = dict(facts.report_counts.get(node, {}))
     for (whose, _), ledger in facts.ledgers.items():
         if whose == node:
             rows = sum(row.transmitted_bytes for row in ledger.rows)
