@@ -139,12 +139,14 @@ class CallReader:
 
     def __init__(self, names: Sequence[str], only: Collection[str] | None = None) -> None:
         self._names = names
-        self._only = only
+        self._is_wanted = [only is None or name in only for name in names]
+        self._events = names.index(_EVENT) if only is not None and _EVENT in names else None
+        """Number of the call whose outcome alone is wanted, if it has one."""
         self._parameters: dict[str, dict[str, Any]] = {}
         self._decoder = msgspec.msgpack.Decoder(list[tuple[int, msgspec.Raw, msgspec.Raw]])
         self._arguments = msgspec.msgpack.Decoder(dict[str, Any])
 
-    def read(self, data: bytes) -> Iterator[Recorded]:
+    def read(self, data: bytes | msgspec.Raw) -> Iterator[Recorded]:
         """Read the calls of a message.
 
         Raises:
@@ -152,14 +154,13 @@ class CallReader:
         """
         try:
             for number, arguments, outcome in self._decoder.decode(data):
+                if not self._is_wanted[number]:
+                    continue
                 name, told = self._names[number], bytes(outcome)
-                if self._only is not None:
-                    if name not in self._only or (name == _EVENT and told == _NOTHING):
-                        continue
-                    if name == _EVENT:
-                        yield Recorded(name, {}, told)
-                        continue
-                yield Recorded(name, self._typed(name, self._arguments.decode(arguments)), told)
+                if number != self._events:
+                    yield Recorded(name, self._typed(name, self._arguments.decode(arguments)), told)
+                elif told != _NOTHING:
+                    yield Recorded(name, {}, told)
         except (msgspec.DecodeError, ValueError, IndexError, RecursionError) as error:
             raise ConfigError(f"a call of the engine cannot be read: {error}") from error
 

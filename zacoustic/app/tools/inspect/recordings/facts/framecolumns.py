@@ -28,6 +28,8 @@ class FrameColumns:
         """Node, source and destination of each."""
         self._sizes = array("L")
         self._digests = bytearray()
+        self._measured: set[str] = set()
+        """The names of numbers that any frame has."""
         self._numbers = {name: array("d") for name in _METRICS}
 
     def __len__(self) -> int:
@@ -44,7 +46,38 @@ class FrameColumns:
         self._digests += hashlib.blake2b(frame.frame, digest_size=_DIGEST_BYTES).digest()
         for name, column in self._numbers.items():
             number = getattr(frame, name)
-            column.append(math.nan if number is None else number)
+            if number is None:
+                column.append(math.nan)
+            else:
+                column.append(number)
+                self._measured.add(name)
+
+    def measured(self, name: str) -> Iterator[tuple[int, tuple[int, int], float]]:
+        """Yield the measurements of one kind on frames that arrived.
+
+        Args:
+            name: A field of `LinkMetrics`; the yields are UTC, ns, sender and receiver, and number.
+        """
+        if name not in self._measured:
+            return
+        for index, number in enumerate(self._numbers[name]):
+            if not (math.isnan(number) or self._is_sent[index]):
+                node, source = self._ends[3 * index], self._ends[3 * index + 1]
+                if source:
+                    yield self._utc_ns[index], (source, node), number
+
+    def sent(self) -> dict[int, tuple[int, int, float]]:
+        """Return number, bytes and airtime, s, of each node's own frames."""
+        found: dict[int, tuple[int, int, float]] = {}
+        airtimes_s = self._numbers["airtime_s"]
+        for index, is_sent in enumerate(self._is_sent):
+            if is_sent:
+                node = self._ends[3 * index]
+                frames, size_bytes, sum_s = found.get(node, (0, 0, 0.0))
+                own_s = airtimes_s[index]
+                sum_s += 0.0 if math.isnan(own_s) else own_s
+                found[node] = frames + 1, size_bytes + self._sizes[index], sum_s
+        return found
 
     def __iter__(self) -> Iterator[tuple[int, FrameRecord]]:
         """Yield the instants, and frames whose contents are their digests."""

@@ -101,6 +101,7 @@ _COMMANDS: Final = (
 )  # fmt: skip
 
 
+_NEVER: Final = (0, 0)
 _DIGEST_BYTES: Final = 12
 _SHOW_EACH: Final = 4096
 _READ: Final = frozenset(
@@ -110,6 +111,8 @@ _READ: Final = frozenset(
     }
 )  # fmt: skip
 """The calls of an engine that are facts."""
+_FRAMES: Final = msgspec.json.Decoder(FrameRecord)
+_REPORTS: Final = msgspec.json.Decoder(ReportRecord)
 _HEAD_BYTES: Final = 40
 """The kind of an event is within this many bytes of its record."""
 
@@ -156,7 +159,10 @@ class _Gatherer:
             self._places[message.topic] = place
         whose, node, name = place
         if whose is not None:
-            self._span(whose, message.utc_ns)
+            first_ns, last_ns = facts.spans_ns.get(whose, _NEVER)
+            if not first_ns <= message.utc_ns <= last_ns:
+                first_ns = min(first_ns or message.utc_ns, message.utc_ns)
+                facts.spans_ns[whose] = first_ns, max(last_ns, message.utc_ns)
         if message.topic == TABLE_TOPIC:
             self._take_table(message)
         elif message.topic == SAMPLES_TOPIC:
@@ -164,26 +170,22 @@ class _Gatherer:
         elif name == "engine" and message.encoding == "msgpack":
             self._take_engine(message)
         elif node is not None and message.encoding == "json":
-            self._take_record(message, node)
-
-    def _span(self, node: int, utc_ns: int) -> None:
-        first_ns, last_ns = self._facts.spans_ns.get(node, (utc_ns, utc_ns))
-        self._facts.spans_ns[node] = min(first_ns, utc_ns), max(last_ns, utc_ns)
+            self._take_record(message, node, name)
 
     # Frames, reports, ledgers
 
-    def _take_record(self, message: ReadMessage, node: int) -> None:
+    def _take_record(self, message: ReadMessage, node: int, name: str) -> None:
         facts, data, is_network = self._facts, message.data, message.is_of_network
-        match message.name:
+        match name:
             case "frames":
-                frame = msgspec.json.decode(data, type=FrameRecord)
+                frame = _FRAMES.decode(data)
                 for each in self._named(frame):
                     facts.frames.append((message.utc_ns, each))
                 if frame.direction == SENT:
                     sent_bytes = facts.sent_bytes.get(node, 0) + frame.size_bytes
                     facts.sent_bytes[node] = sent_bytes
             case "reports":
-                report = msgspec.json.decode(data, type=ReportRecord)
+                report = _REPORTS.decode(data)
                 counts = facts.report_counts.setdefault(report.node, {})
                 counts[report.outcome] = counts.get(report.outcome, 0) + 1
                 if not facts.is_lean:

@@ -11,6 +11,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.inspect.recordings.facts.facts import Facts, Handled, Published, match
+from zacoustic.app.tools.inspect.recordings.facts.framecolumns import FrameColumns
 from zacoustic.app.tools.inspect.recordings.report.linkfigures import LinkFigures, links_of
 from zacoustic.app.tools.inspect.recordings.report.spread import Spread, spread_of
 from zacoustic.app.tools.inspect.recordings.report.thinning import left_out
@@ -199,6 +200,8 @@ def _kind(stream: Stream) -> str:
 
 def _sent(facts: Facts) -> dict[int, tuple[int, int, float]]:
     """Return number, bytes and airtime, s, of each node's frames."""
+    if isinstance(facts.frames, FrameColumns):
+        return facts.frames.sent()
     found: dict[int, tuple[int, int, float]] = {}
     for _, frame in facts.frames:
         if frame.direction == SENT:

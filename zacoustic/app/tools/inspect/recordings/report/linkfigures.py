@@ -11,6 +11,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
+from zacoustic.app.tools.inspect.recordings.facts.framecolumns import FrameColumns
 from zacoustic.app.tools.inspect.recordings.report.spread import Spread, spread_of
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.run.recording.channels import SENT
@@ -110,6 +111,7 @@ def losses_over_time(facts: Facts, bins: int) -> dict[Pair, Shares]:
     sent: dict[tuple[Pair, bytes], list[int]] = {}
     counts: dict[Pair, list[int]] = {}
     got: dict[Pair, list[int]] = {}
+    heard: set[Pair] = set()
 
     def part(utc_ns: int) -> int:
         return min(bins - 1, max(0, utc_ns - facts.began_ns) // width_ns)
@@ -131,6 +133,7 @@ def losses_over_time(facts: Facts, bins: int) -> dict[Pair, Shares]:
         pair = frame.source, frame.node
         if frame.direction == SENT or pair not in counts:
             continue
+        heard.add(pair)  # on a byte stream it is in other pieces than what was sent
         # Of equal frames the newest that can have been this one; clocks may differ.
         known = sent.get((pair, frame.frame), [])
         place = bisect.bisect_right(known, utc_ns + _CLOCKS_NS)
@@ -139,15 +142,8 @@ def losses_over_time(facts: Facts, bins: int) -> dict[Pair, Shares]:
     return {
         pair: [(index, 1 - got[pair][index] / number) for index, number in enumerate(row) if number]
         for pair, row in sorted(counts.items())
-        if pair in got or not _heard(facts, pair)
+        if pair in got or pair not in heard
     }
-
-
-def _heard(facts: Facts, pair: Pair) -> bool:
-    """Tell whether anything came: on a byte stream it is in other pieces than what was sent."""
-    return any(
-        frame.direction != SENT and (frame.source, frame.node) == pair for _, frame in facts.frames
-    )
 
 
 def numbers_of(facts: Facts, name: str) -> Iterator[tuple[int, Pair, float]]:
@@ -157,10 +153,13 @@ def numbers_of(facts: Facts, name: str) -> Iterator[tuple[int, Pair, float]]:
         facts: The events.
         name: One of `METRICS`.
     """
-    for utc_ns, frame in facts.frames:
-        number = getattr(frame, name, None)
-        if frame.direction != SENT and frame.source and number is not None:
-            yield utc_ns, (frame.source, frame.node), number
+    if isinstance(facts.frames, FrameColumns):
+        yield from facts.frames.measured(name)
+    else:
+        for utc_ns, frame in facts.frames:
+            number = getattr(frame, name, None)
+            if frame.direction != SENT and frame.source and number is not None:
+                yield utc_ns, (frame.source, frame.node), number
     for utc_ns, node, measured in facts.measured:
         number = getattr(measured.metrics, name)
         if number is not None:

@@ -86,12 +86,12 @@ def _utilisation(axes: "Axes", facts: Facts) -> bool:
         return False
     bottoms = [0.0] * _BINS
     edges = [width_s * (index + 0.5) for index in range(_BINS)]
-    for node in facts.nodes:
-        shares = [0.0] * _BINS
-        for utc_ns, frame in facts.frames:
-            if frame.node == node and frame.direction == SENT:
-                index = min(_BINS - 1, int(_since(facts, utc_ns) / width_s))
-                shares[index] += (frame.airtime_s or 0.0) / width_s
+    rows = {node: [0.0] * _BINS for node in facts.nodes}
+    for utc_ns, frame in facts.frames:
+        if frame.direction == SENT:
+            index = min(_BINS - 1, int(_since(facts, utc_ns) / width_s))
+            rows[frame.node][index] += (frame.airtime_s or 0.0) / width_s
+    for node, shares in rows.items():
         axes.bar(edges, shares, width=width_s, bottom=bottoms, label=f"node {node}")
         bottoms = [below + share for below, share in zip(bottoms, shares, strict=True)]
     _time_axis(axes)
