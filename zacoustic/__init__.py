@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from zacoustic.core.base.qos import Durability, Forward, Priority, Qos, Reliability, Stamp
     from zacoustic.core.engine.events import (
         AccessStateChanged,
+        AddressShared,
         BulkChanged,
         ClockStateChanged,
         ContactLost,
@@ -87,6 +88,7 @@ __all__ = [
     "AccessStateChanged",
     "ActionClient",
     "ActionServer",
+    "AddressShared",
     "Bounds",
     "BulkChanged",
     "CallContext",
@@ -168,6 +170,7 @@ _HOMES = {
     "zacoustic.config": ("Config", "read_config"),
     "zacoustic.core.engine.events": (
         "AccessStateChanged",
+        "AddressShared",
         "BulkChanged",
         "ClockStateChanged",
         "ContactLost",

@@ -1,23 +1,27 @@
 // Keys and STOP of the console. Keys in the capture phase: neither a slider nor a button that has the
 // focus takes one first. Space stops wherever the focus is; while a field is written in, the other keys
-// are its own. A press of STOP is not forgotten before the page's server says that it has taken it.
+// are its own. A press of STOP that the server has not taken stands in the banner and wherever the page
+// tells of a STOP (class `press`), in the same words.
 if (!window.auvStop) {
-  const TAKEN_MS = 2000;
   const truth = window.zaTruth;
-  let presses = 0, press = null;
   const isStopEvent = (event) => event.code === 'Space' ||
     (event.target instanceof Element && event.target.closest('.stop') !== null);
-  window.auvStop = (give) => {
-    press = { id: ++presses, at: performance.now(), isGiven: !truth.isGone() };
-    if (press.isGiven) give(press.id);
-  };
+  const stops = window.auvPress({
+    store: { getItem: (key) => localStorage.getItem(key), setItem: (key, text) => localStorage.setItem(key, text),
+      removeItem: (key) => localStorage.removeItem(key) },
+    give: (press) => emitEvent('auv-stop', press),
+    now: () => Date.now(),
+  });
+  window.auvStop = () => stops.press(truth.isGone());
   truth.own(isStopEvent);
   truth.check((now, gone, taken) => {
-    if (press && press.isGiven && taken >= press.id) press = null;
-    if (!press) return [];
-    const ago = `STOP pressed ${Math.round((now - press.at) / 1000)} s ago`;
-    if (!press.isGiven) return [`${ago} was NOT SENT${gone ? '' : ': press it again'}`];
-    return now - press.at > TAKEN_MS ? [`NOT SENT: ${ago}, the page server has not taken it`] : [];
+    const open = stops.look(gone, taken);
+    const text = open ? `STOP pressed ${truth.long(open.age / 1000)} ago: NOT SENT, ${open.why}` : '';
+    for (const each of document.querySelectorAll('.press')) {
+      if (each.textContent !== text) each.textContent = text;
+      each.hidden = !text;
+    }
+    return open ? [{ text, act: 'dismiss', run: stops.dismiss }] : [];
   });
   const take = (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
@@ -29,7 +33,7 @@ if (!window.auvStop) {
     event.stopImmediatePropagation();
     if (event.type !== 'keydown') return;
     if (!isStop) emitEvent('auv-key', event.key);
-    else if (!event.repeat) window.auvStop((id) => emitEvent('auv-stop', id));
+    else if (!event.repeat) window.auvStop();
   };
   window.addEventListener('keydown', take, true);
   window.addEventListener('keyup', take, true);

@@ -3,7 +3,9 @@
 A page calls `tick` a few times a second; `readout` has the values to show.
 """
 
+import math
 import time
+from collections import deque
 from collections.abc import Callable
 from typing import Final
 
@@ -32,6 +34,21 @@ WAYPOINTS_MOST: Final = 9
 GATEWAY_LIMIT_S: Final = 1.6
 """A gateway that has not answered for so long is gone: it is asked several times in it, s."""
 CONFIRMED: Final = "done: the vehicle reports that it has stopped"
+PRESSES_KEPT: Final = 64
+_LATE_S: Final = 2.0
+
+
+class Press(msgspec.Struct, frozen=True):
+    """A press of STOP in a browser, which keeps it until it is taken."""
+
+    id: str
+    """Each is taken once, however often and by whichever page it comes."""
+    ago_ms: float = 0.0
+    """How long ago it was made."""
+
+    def __post_init__(self) -> None:
+        if not 0 < len(self.id) <= 64 or " " in self.id or not 0 <= self.ago_ms < math.inf:
+            raise ValueError("this is no press")
 
 
 class Order(msgspec.Struct):
@@ -85,6 +102,8 @@ class ControlStation:
         """When the newest photo was asked for; None: its command is unknown."""
         self.gateway_gone_at_s: float | None = None
         """Since when the gateway has not answered; None: it does, or it is not asked."""
+        self.presses_taken: deque[str] = deque(maxlen=PRESSES_KEPT)
+        """Ids, oldest first."""
         self.trouble = ""
         """What has gone wrong with the processes."""
         self._clock = clock
@@ -154,14 +173,31 @@ class ControlStation:
         if order is not None:
             self._photos_awaited.append(order)
 
-    def stop(self) -> None:
-        """Stop everything; note as not sent what cannot be sent."""
+    def stop(self, press: Press | None = None) -> None:
+        """Stop everything; note as not sent what cannot be sent.
+
+        Args:
+            press: Of a browser; one that was taken already does nothing.
+        """
+        text = "STOP"
+        if press is not None:
+            if press.id in self.presses_taken:
+                return
+            self.presses_taken.append(press.id)
+            late_s = press.ago_ms / 1e3
+            text += f", pressed {late_s:.0f} s before it came" if late_s > _LATE_S else ""
         self._take_hands_off()
         fate = Fate.NOT_SENT
         if self.carrier is not None:
             self._put(STOP, Stop())
             fate = Fate.GIVEN
-        self._note(Order("STOP", self.now_s, fate=fate))
+        self._note(Order(text, self.now_s, fate=fate))
+
+    @property
+    def open_stop(self) -> Order | None:
+        """The newest STOP, as long as something may become of it; the earlier ones are the same."""
+        stops = [order for order in self.orders if order.answer is None]
+        return stops[-1] if stops and not stops[-1].is_over else None
 
     # Below
 

@@ -13,6 +13,7 @@ from zacoustic.console import age_html, html_text
 
 _HERE: Final = Path(__file__).parent
 CSS: Final = (_HERE / "console.css").read_text(encoding="utf-8")
+PRESS_JS: Final = (_HERE / "press.js").read_text(encoding="utf-8")
 KEYS_JS: Final = (_HERE / "console.js").read_text(encoding="utf-8")
 CLICK_JS: Final = """(event) => {
   const map = event.currentTarget.querySelector('svg');

@@ -15,7 +15,7 @@ from nicegui.elements.mixins.disableable_element import DisableableElement
 from nicegui.events import GenericEventArguments
 
 from examples.auv import look, readout
-from examples.auv.controlstation import ControlStation
+from examples.auv.controlstation import ControlStation, Press
 from examples.auv.drawing import (
     MAP_PX,
     PROFILE_PX,
@@ -30,6 +30,7 @@ from examples.auv.messages import ELEVATOR, RUDDER, THRUST, Waypoint
 from zacoustic.console import Banner, html_text
 
 REFRESH_S: Final = 0.5
+_PRESSES_TOLD: Final = 8
 _CLOSE_ENOUGH: Final = 1e-6
 
 
@@ -78,12 +79,11 @@ class Page:
         self._sizes: dict[str, Size] = {}
         self._sliders: dict[str, ui.slider] = {}
         self._fates: dict[str, ui.label] = {}
-        self._orders_taken = 0
         self._hands_off: list[ui.element] = []
         ui.page_title("auv1")
         self._banner = Banner("NOT SENT")
         ui.add_css(look.CSS)
-        ui.add_body_html(f"<script>{look.KEYS_JS}</script>")
+        ui.add_body_html(f"<script>{look.PRESS_JS}{look.KEYS_JS}</script>")
         ui.on("auv-key", self._key)
         ui.on("auv-stop", self._stop)
         with ui.element("div").classes("console"):
@@ -100,7 +100,8 @@ class Page:
         station = self._station
         now_s, shore = station.now_s, station.shore
         estimate = shore.estimate(now_s)
-        self._banner.beat(readout.alarm(station), taken=self._orders_taken)
+        taken = [*station.presses_taken][-_PRESSES_TOLD:]
+        self._banner.beat(readout.banner(station), taken=taken)
         self._show_head()
         self._show_why()
         self._map.set_content(
@@ -139,9 +140,8 @@ class Page:
             self._trouble = ui.label().classes("trouble")
             self._notice = ui.label().classes("hint").mark("notice")
             self._stop_button = ui.button("STOP", color="#b3261e").classes("stop text-h6")
-            self._stop_button.on(
-                "click", self._stop, js_handler="() => window.auvStop((id) => emit(id))"
-            )
+            # The press goes the way of the keys, by an event that has an id.
+            self._stop_button.on("click", self._stop, js_handler="() => window.auvStop()")
 
     def _sea(self) -> None:
         with ui.element("div").classes("panel sea za-live"):
@@ -174,21 +174,23 @@ class Page:
                 ui.html(look.KEYS_HINT, sanitize=False).classes("keys")
             with ui.element("div").classes("panel"):
                 self._missions()
-            with ui.element("div").classes("panel orders za-live"):
+            with ui.element("div").classes("panel orders"):
                 ui.label("Orders").classes("caption")
-                self._orders = ui.html(sanitize=False).mark("orders")
+                ui.element("div").classes("press")
+                self._orders = ui.html(sanitize=False).classes("za-live").mark("orders")
 
     def _water(self) -> None:
-        with ui.element("div").classes("panel water za-live"):
-            with ui.element("div"):
+        with ui.element("div").classes("panel water"):
+            with ui.element("div").classes("za-live"):
                 with ui.element("div").classes("strip"):
                     ui.label("Water").classes("caption")
                     ui.html(look.LEGEND, sanitize=False).classes("kinds")
                 self._ladder = self._drawing("ladder", LADDER_PX)
             with ui.element("div"):
                 ui.label("In the water and in the queue").classes("caption")
-                self._queue = ui.html(sanitize=False).mark("queue")
-            with ui.element("div"):
+                ui.element("div").classes("press")
+                self._queue = ui.html(sanitize=False).classes("za-live").mark("queue")
+            with ui.element("div").classes("za-live"):
                 ui.label("Link").classes("caption")
                 self._link = ui.html(sanitize=False).mark("link")
 
@@ -271,6 +273,7 @@ class Page:
         why = readout.why_disabled(self._station)
         self._why.set_text(f"disabled: {why}" if why else "")
         self._stop_button.classes(add="dead" if why else "", remove="" if why else "dead")
+        self._stop_button.props(f'data-note="{readout.stop_note(self._station)}"')
         for each in self._hands_off:
             if isinstance(each, DisableableElement) and each.enabled == bool(why):
                 each.set_enabled(not why)
@@ -325,10 +328,12 @@ class Page:
             slider.value = max(-joint.most, min(joint.most, slider.value + by))
 
     def _stop(self, event: GenericEventArguments) -> None:
-        """Stop; the page's number of the press comes back when it was accepted."""
-        self._station.stop()
-        if isinstance(event.args, int):
-            self._orders_taken = event.args
+        """Stop; the heartbeat tells the browser that its press was taken."""
+        try:
+            press = msgspec.convert(event.args, Press)
+        except msgspec.ValidationError:
+            press = None  # whatever it is, it was meant to stop
+        self._station.stop(press)
         self.refresh()
 
     def _clicked(self, event: GenericEventArguments) -> None:

@@ -87,12 +87,36 @@ def alarm(station: ControlStation) -> Alarm | None:
     return None
 
 
+def banner(station: ControlStation) -> Alarm | None:
+    """Return what is dead, as it is for a STOP that is open; None: nothing.
+
+    The banner, the orders and the queue say the same of a STOP.
+    """
+    dead, stop = alarm(station), station.open_stop
+    if stop is None:
+        return dead
+    outcome, state = _outcome(station, stop)
+    if state != "bad":
+        return dead
+    if dead is None:
+        return Alarm(f"STOP: {outcome}", station.now_s - stop.at_s)
+    return Alarm(f"STOP: {outcome} · {dead.text.removeprefix('NOT SENT: ')}", dead.since_s)
+
+
 def why_disabled(station: ControlStation) -> str:
     """Return why only a stop can be commanded now; empty: anything can."""
     dead = alarm(station)
     if dead is not None:
         return dead.text.removeprefix("NOT SENT: ")
     return "modems, gateways and vehicle start" if station.carrier is None else ""
+
+
+def stop_note(station: ControlStation) -> str:
+    """Say what would become of a STOP that is pressed now; empty: it is sent."""
+    if not why_disabled(station):
+        return ""
+    is_kept = station.carrier is not None and station.gateway_gone_at_s is None
+    return "the gateway keeps it" if is_kept else "will not be sent"
 
 
 # The vehicle
@@ -153,11 +177,23 @@ def values(station: ControlStation) -> list[Value]:
 
 
 def order_lines(station: ControlStation) -> list[OrderLine]:
-    """Return the outcomes of the commands, newest first."""
+    """Return the outcomes of the commands, newest first.
+
+    A stop whose end is open is the same command as the newest one, and has no other state.
+    """
+    newest = station.open_stop
     return [
-        OrderLine(each.text, station.now_s - each.at_s, *_outcome(station, each))
+        OrderLine(
+            each.text,
+            station.now_s - each.at_s,
+            *_outcome(station, newest if newest and _is_open_stop(each) else each),
+        )
         for each in reversed(station.orders)
     ]
+
+
+def _is_open_stop(order: Order) -> bool:
+    return order.answer is None and not order.is_over
 
 
 def setpoint_line(station: ControlStation, topic: str) -> str:
@@ -232,7 +268,13 @@ def water_lines(station: ControlStation) -> list[Line]:
         Line(_content(frame), f"in the water, there in {left_s:.1f} s")
         for frame, left_s in watch.in_water(station.unix_s)
     ]
+    stop = station.open_stop
+    if stop is not None and stop.fate is not Fate.THERE:
+        outcome, state = _outcome(station, stop)
+        found.append(Line(short(STOP), outcome, is_bad=state == "bad"))
     for each in watch.waiting():
+        if stop is not None and each.stream == STOP:
+            continue  # said above, in the words of the orders
         if each.unacknowledged > each.queued:
             text = "waits for its acknowledgement"
         else:

@@ -1,11 +1,12 @@
 """The station: set-points, orders, values with their ages."""
 
+import math
 from typing import Any
 
 import pytest
 
 from examples.auv import readout
-from examples.auv.controlstation import CONFIRMED, ControlStation
+from examples.auv.controlstation import CONFIRMED, ControlStation, Press
 from examples.auv.fates import Fate
 from examples.auv.look import orders_table
 from examples.auv.messages import (
@@ -23,7 +24,7 @@ from examples.auv.messages import (
 )
 from examples.auv.setpoints import LEAST_PERIOD_S, Setpoints
 from examples.auv.shore import Answer, Shore
-from tests.auv.stations import LINK, Clock, nav, station_at, streams
+from tests.auv.stations import LINK, Clock, nav, station_at, streams, topics
 from zacoustic.app.tools.pages.truth import Alarm
 
 
@@ -288,12 +289,21 @@ def test_what_is_dead_is_said_and_what_it_means_for_an_order() -> None:
     watch.answered("{}", clock.now_s)
     station.tick()
     assert readout.order_lines(station)[0].outcome == "NOT SENT: link down; the gateway keeps it"
+    # One state in all places, and the earlier press is the same command.
+    state = "NOT SENT: link down; the gateway keeps it"
+    assert [line.outcome for line in readout.order_lines(station)] == [state, state]
+    assert [line.text for line in readout.water_lines(station) if line.name == "stop"] == [state]
+    said = readout.banner(station)
+    assert said is not None
+    assert said.text == f"STOP: {state} · link down"
+    assert readout.stop_note(station) == "the gateway keeps it"
     # The gateway goes as well: nothing of what it said last is known any more.
     clock.now_s += 1.7
     station.tick()
     gone = readout.alarm(station)
     assert gone is not None
     assert gone.text == "NOT SENT: gateway gone"
+    assert readout.stop_note(station) == "will not be sent"
     assert gone.since_s == pytest.approx(1.7)
     assert readout.link_state(station).startswith("not known")
     assert [line.is_bad for line in readout.link_lines(station)] == [True]
@@ -303,6 +313,41 @@ def test_what_is_dead_is_said_and_what_it_means_for_an_order() -> None:
     watch.take("link", LINK | {"silent": True, "why_silent": "until 12:00"}, clock.now_s)
     station.tick()
     assert readout.alarm(station) == Alarm("NOT SENT: silence is kept, until 12:00")
+
+
+def test_all_places_say_the_same_of_a_stop_that_was_on_its_way_when_the_link_went() -> None:
+    clock = Clock()
+    station, _ = station_at(clock)
+    station.watch.take("link", LINK, clock.now_s)
+    station.stop()
+    station.watch.take("streams", streams(STOP, published=1, waiting=1, delivering=1), clock.now_s)
+    clock.now_s += 1.0
+    station.watch.take("link", LINK | {"state": "down"}, clock.now_s)
+    station.tick()
+    state = "not known: it was on its way when this began: link down"
+    assert readout.order_lines(station)[0].outcome == state
+    assert [(each.name, each.text) for each in readout.water_lines(station)] == [("stop", state)]
+    said = readout.banner(station)
+    assert said is not None
+    assert said.text == f"STOP: {state} · link down"
+
+
+def test_a_press_is_taken_once_by_whichever_page_it_comes() -> None:
+    clock = Clock()
+    station, carrier = station_at(clock)
+    station.stop(Press("a"))
+    station.stop(Press("b", 45_000.0))
+    station.stop(Press("a", 3_000.0))
+    assert topics(carrier) == [STOP, STOP]
+    texts = [line.text for line in readout.order_lines(station)]
+    assert texts == ["STOP, pressed 45 s before it came", "STOP"]
+    assert [*station.presses_taken] == ["a", "b"]
+
+
+@pytest.mark.parametrize("press", [("",), ("a b",), ("x" * 65,), ("a", -1.0), ("a", math.nan)])
+def test_a_press_that_is_none_is_refused(press: tuple[Any, ...]) -> None:
+    with pytest.raises(ValueError, match="press"):
+        Press(*press)
 
 
 def test_a_stop_before_anything_runs_was_not_sent() -> None:

@@ -2,6 +2,8 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -10,7 +12,11 @@ from tests.gateway.networkpair import verb
 from tests.gateway.networks import SECTION, get, run
 from tests.node.fleet import ChannelServer
 from zacoustic.app.cli import main
+from zacoustic.app.cli.use.ping import _text
 from zacoustic.app.tools.field.pinging import Ping, statistics_of
+from zacoustic.core.engine.events import CallFailed, CallFailure
+from zacoustic.core.linktypes import LinkState
+from zacoustic.zenoh.gateway.commands.pings import PingHandler, _Ping
 from zacoustic.zenoh.session.asking.pings import PingAnswer
 
 ONCE = ["--count", "1"]
@@ -150,3 +156,19 @@ def test_statistics_leave_out_what_was_not_answered() -> None:
     assert spread is not None
     assert (spread.least, spread.mean, spread.most, spread.deviation) == (2.0, 3.0, 4.0, 1.0)
     assert statistics_of([]).sent == 0
+
+
+def test_a_ping_says_that_the_link_is_down() -> None:
+    down = SimpleNamespace(state=LinkState.DOWN, detail="connection refused")
+    up = SimpleNamespace(state=LinkState.UP, detail="")
+    said: list[str] = []
+    held: Any = SimpleNamespace(refuse=lambda failure, text: said.append(text))
+    for sides in ([down], [down, up]):
+        runner: Any = SimpleNamespace(sides=sides)
+        nobody: Any = None
+        handler = PingHandler(runner, nobody, nobody, clock=lambda: 0)
+        event = CallFailed(call_id=1, stream_id=0, failure=CallFailure.TIMED_OUT, text="")
+        handler._take_answer(_Ping(held, 2, 5.0, 0), event)
+    why = "node 2 has not answered: the link is down, connection refused"
+    assert said == [why, "node 2 has not answered in time"]
+    assert _text(2, Ping(number=1, answer=None, unix_s=0.0, why=why)) == f"1: {why}"

@@ -9,7 +9,7 @@ import pytest
 from tests.cli.watched import lines_of, pair
 from tests.gateway.networkpair import verb
 from tests.gateway.networks import cbor, hear, run
-from zacoustic.app.tools.columns import shortened
+from zacoustic.app.tools.columns import shortened, shortened_apart
 from zacoustic.app.tools.field.rates import RateMeter
 from zacoustic.app.tools.watch.statustext import nodes_text, status_of, status_text
 from zacoustic.app.tools.watch.topicstext import streams_text
@@ -198,3 +198,23 @@ def test_a_rate_is_that_of_the_last_arrivals() -> None:
     assert (rate.min_s, rate.max_s, rate.deviation_s) == (2.0, 4.0, 1.0)
     assert rate.rate_hz == pytest.approx(1 / 3)
     assert json.loads(msgspec.json.encode(rate))["samples"] == 3
+
+
+def test_long_names_are_cut_so_that_they_stay_apart() -> None:
+    names = ["auv1/sensors/ctd/conductivity", "auv2/sensors/ctd/conductivity", "nav", "nav"]
+    found = shortened_apart(names, 24)
+    assert found[2:] == ["nav", "nav"]
+    assert len(set(found)) == 3
+    assert all(len(each) <= 24 for each in found)
+    assert found[0].startswith("auv1…")
+    hopeless = [f"{'x' * 30}{each}{'y' * 30}" for each in "ab"]
+    assert shortened_apart(hopeless, 24) == hopeless
+    assert shortened_apart(["short", "x" * 30], 24) == ["short", f"…{'x' * 23}"]
+
+
+def test_a_status_does_not_say_up_of_a_modem_that_is_gone() -> None:
+    text = status_text(gateway([], [peer(is_shared=True)], link_state="down", is_shared=True))
+    assert "link     sim/127.0.0.1:7000: down; the gateway runs for 60 s" in text
+    assert "ANOTHER NODE has address 1 too" in text
+    assert "TWO NODES with this address" in text
+    assert not status_of(gateway([], [], is_shared=True)).is_well

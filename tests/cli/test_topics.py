@@ -4,11 +4,13 @@ import json
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from tests.cli.watched import WATCHED, lines_of, pair
 from tests.gateway.networkpair import verb
 from tests.gateway.networks import cbor, get, hear, run
 from zacoustic.app.cli import main
+from zacoustic.core.base.linktypes import Service
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.zenoh.gateway.notices import LinkChanged, RouterChanged
 from zacoustic.zenoh.gateway.status.recent_events import EVENTS_KEPT, TROUBLES_KEPT, RecentEvents
@@ -117,11 +119,14 @@ def test_traffic_keeps_instants_mean_times_and_what_became_of_frames() -> None:
 
 def test_what_came_from_a_node_is_counted_by_link() -> None:
     traffic = Traffic(lambda: 0.0)
+    heard = TraceRecord(at=0, node=1, what="receive", peer=2, size_bytes=5, link="acoustic")
     for link, size_bytes in (("radio", 10), ("radio", 20), ("acoustic", 5)):
-        traffic.note(
-            TraceRecord(at=0, node=1, what="receive", peer=2, size_bytes=size_bytes, link=link)
-        )
-    assert traffic.received_from(2) == {"radio": (2, 30), "acoustic": (1, 5)}
+        traffic.note(replace(heard, size_bytes=size_bytes, link=link))
+    traffic.note(replace(heard, size_bytes=900, service=Service.BULK))
+    assert traffic.received_from(2) == {
+        "radio": {Service.PLAIN: (2, 30)},
+        "acoustic": {Service.PLAIN: (1, 5), Service.BULK: (1, 900)},
+    }
     assert traffic.received_from(3) == {}
 
 

@@ -67,6 +67,15 @@ def test_figures_are_those_of_the_simulation(channel: Path, seed: int) -> None:
     assert found.notes == []
 
 
+def test_a_simulation_writes_no_other_file_than_it_was_told(
+    channel: Path, trial: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = sorted(channel.parent.iterdir())
+    assert main(["sim", str(channel), "--until", "60", "--record", str(trial)]) == 2
+    assert "exists; allowed: a new file" in capsys.readouterr().err
+    assert sorted(channel.parent.iterdir()) == before
+
+
 def test_recordings_of_both_ends_are_put_together(tmp_path: Path) -> None:
     recorder, sink = recorded()
     network = VirtualNetwork(line(0, 800, 1500, loss={"frame": 0.2}), survey(), build=recorder.make)

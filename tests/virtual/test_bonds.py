@@ -236,6 +236,7 @@ def test_every_byte_of_every_link_is_in_the_ledger() -> None:
     for node in (SHORE, AUV):
         stats = trial.network.engine(node).stats
         assert sum(each.transmitted_bytes for each in stats.ledger()) == stats.bytes_transmitted
+        assert sum(each.airtime_ns for each in stats.ledger()) == stats.airtime_ns
         assert stats.bytes_transmitted == sum(
             len(frame) for _, at, _, frame in trial.frames if at == node
         )

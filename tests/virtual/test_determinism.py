@@ -83,3 +83,4 @@ def test_five_nodes_deliver_most_of_their_reports(sized: Callable[..., int]) -> 
     for address in range(1, 6):
         stats = medium.engine(address).stats
         assert sum(entry.transmitted_bytes for entry in stats.ledger()) == stats.bytes_transmitted
+        assert sum(entry.airtime_ns for entry in stats.ledger()) == stats.airtime_ns

@@ -77,6 +77,7 @@ def test_the_ledger_has_every_byte_and_names_what_relays_do() -> None:
     for address in line.network.addresses:
         stats = line.network.engine(address).stats
         assert sum(each.transmitted_bytes for each in stats.ledger()) == stats.bytes_transmitted
+        assert sum(each.airtime_ns for each in stats.ledger()) == stats.airtime_ns
         causes = {each.cause for each in stats.ledger()}
         assert Cause.RELAY in causes
         if address in RELAYS:

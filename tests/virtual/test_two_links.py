@@ -90,6 +90,7 @@ def test_everything_is_booked_once_and_for_its_link() -> None:
             assert stats.frames_transmitted == len(frames) == sum(stats.reports.values())
             assert stats.bytes_transmitted == sum(map(len, frames))
             assert stats.bytes_transmitted == sum(e.transmitted_bytes for e in stats.ledger())
+            assert stats.airtime_ns == sum(e.airtime_ns for e in stats.ledger())
         for name in ("frames_transmitted", "bytes_transmitted", "airtime_ns", "frames_received"):
             shares = [getattr(each, name) for each in whole.links.values()]
             assert getattr(whole, name) == sum(shares), name

@@ -256,8 +256,7 @@ class _Ledger:
             for entry in stats.ledger():
                 size, key = entry.transmitted_bytes, (entry.stream_id, entry.cause.value)
                 self._bytes[entry.stream_id] = self._bytes.get(entry.stream_id, 0) + size
-                airtime_ns = stats.airtime_ns * size / stats.bytes_transmitted
-                self._airtime_ns[key] = self._airtime_ns.get(key, 0.0) + airtime_ns
+                self._airtime_ns[key] = self._airtime_ns.get(key, 0.0) + entry.airtime_ns
 
     def bytes_of(self, stream_id: int) -> int:
         """Return the bytes of a stream."""

@@ -77,3 +77,30 @@ def _line(
 def shortened(text: str, letters: int) -> str:
     """Return a text of so many letters at most; of a longer key the end is what tells it apart."""
     return text if len(text) <= letters else f"…{text[1 - letters :]}"
+
+
+def shortened_apart(texts: Sequence[str], letters: int) -> list[str]:
+    """Return texts as `shortened` does, but different ones stay different.
+
+    Of those that end alike so many first letters are kept, before the end, as tell them apart; if
+    no such form has room, the whole text is returned.
+    """
+    found = [shortened(each, letters) for each in texts]
+    for kept in range(1, letters - 1):
+        alike = _alike(texts, found)
+        if not alike:
+            return found
+        for index in alike:
+            text = texts[index]
+            found[index] = f"{text[:kept]}…{text[len(text) - letters + kept + 1 :]}"
+    for index in _alike(texts, found):
+        found[index] = texts[index]
+    return found
+
+
+def _alike(texts: Sequence[str], found: Sequence[str]) -> list[int]:
+    """Return the places of forms that stand for different texts."""
+    meant: dict[str, set[str]] = {}
+    for text, form in zip(texts, found, strict=True):
+        meant.setdefault(form, set()).add(text)
+    return [index for index, form in enumerate(found) if len(meant[form]) > 1]

@@ -151,6 +151,13 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
     transmission, so that ranges can be requested. Only where it `acknowledges`."""
     source_level_range_db: tuple[float, float] | None = None
     """Lowest and highest source level, dB re 1 µPa at 1 m, where it can be set."""
+    long_above_bytes: int | None = None
+    """Frames longer than this are carried in another way, with the two values below; None: none
+    is."""
+    long_bit_rate_bps: float = 1.0
+    """Marginal bit rate of such frames, > 0."""
+    long_preamble_s: float = 0.0
+    """The airtime that such a frame takes beside its bits, s, ≥ 0."""
     bulk: BulkService | None = None
     """Its service for much data to one node; None: it has only the plain service, which the other
     fields describe. Only where the link is `framed`."""
@@ -172,6 +179,8 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
             )
         if not self.bit_rate_bps > 0:
             raise ValueError(f"bit_rate_bps is {self.bit_rate_bps}; allowed: above 0")
+        if not self.long_bit_rate_bps > 0:
+            raise ValueError(f"long_bit_rate_bps is {self.long_bit_rate_bps}; allowed: above 0")
         low, high = self.address_range
         if not 1 <= low <= high <= 254:
             raise ValueError(f"address_range is {self.address_range}; allowed: within 1..254")
@@ -183,8 +192,17 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
                 f"its mtu_bytes, {self.mtu_bytes}"
             )
 
-    def airtime_ns(self, frame_bytes: int) -> int:
-        """Return the airtime of a frame of that size, ns: preamble and bits, without the gap."""
+    def airtime_ns(self, frame_bytes: int, service: Service = Service.PLAIN) -> int:
+        """Return the airtime of a frame of that size, ns: preamble and bits, without the gap.
+
+        Args:
+            frame_bytes: Its length, bytes.
+            service: What carries it; where the link has no such service, the plain one.
+        """
+        if service is Service.BULK and self.bulk is not None:
+            return self.bulk.airtime_ns(frame_bytes)
+        if self.long_above_bytes is not None and frame_bytes > self.long_above_bytes:
+            return seconds_to_ns(self.long_preamble_s + frame_bytes * 8 / self.long_bit_rate_bps)
         return seconds_to_ns(self.preamble_s + frame_bytes * 8 / self.bit_rate_bps)
 
     def bounded(self, max_frame_s: float) -> "LinkCapabilities":
@@ -194,6 +212,10 @@ class LinkCapabilities(msgspec.Struct, frozen=True, kw_only=True):
             max_frame_s: Longest airtime of a frame, s, > 0; `LEAST_FRAME_BYTES` may take longer.
         """
         fitting = int((max_frame_s - self.preamble_s) * self.bit_rate_bps / 8 + 1e-6)
+        if self.long_above_bytes is not None:
+            long_s = max_frame_s - self.long_preamble_s
+            longest = int(long_s * self.long_bit_rate_bps / 8 + 1e-6)
+            fitting = longest if longest > self.long_above_bytes else fitting
         most_bytes = max(LEAST_FRAME_BYTES, fitting)
         if self.mtu_bytes <= most_bytes:
             return self

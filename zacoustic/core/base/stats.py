@@ -68,6 +68,8 @@ class LedgerEntry(msgspec.Struct, frozen=True, kw_only=True):
     """The cause."""
     transmitted_bytes: int
     """Bytes given to the link."""
+    airtime_ns: int = 0
+    """Their airtime, ns: of each of their frames as much as their share of its bytes."""
 
 
 class EngineStats:
@@ -99,6 +101,10 @@ class EngineStats:
         """Smoothed time that a node takes to acknowledge a reliable sample, from the end of the
         frame to the end of the ACK's frame, ns, by address."""
         self._ledger: dict[tuple[int, Cause], int] = {}
+        self._airtimes: dict[tuple[int, Cause], int] = {}
+        self._unsent: list[tuple[tuple[int, Cause], int]] = []
+        """Rows of the frame that is being made: frames of a service and of a link have airtimes
+        of their own."""
 
     def on(self, link: str, *, is_tunnel: bool = False, quantum_bytes: int = 1) -> "LinkStats":
         """Add the counters of a link, or of one whose frames go inside those of other links."""
@@ -107,6 +113,16 @@ class EngineStats:
 
     def sent(self, frame_bytes: int, airtime_ns: int) -> None:
         """Count a frame that is given to the link."""
+        self._count(frame_bytes, airtime_ns)
+        rows, self._unsent = self._unsent, []
+        entered_bytes = entered_ns = 0
+        for key, size_bytes in rows:
+            entered_bytes += size_bytes
+            share_ns = airtime_ns * entered_bytes // frame_bytes - entered_ns
+            entered_ns += share_ns
+            self._airtimes[key] = self._airtimes.get(key, 0) + share_ns
+
+    def _count(self, frame_bytes: int, airtime_ns: int) -> None:
         self.frames_transmitted += 1
         self.bytes_transmitted += frame_bytes
         self.airtime_ns += airtime_ns
@@ -123,6 +139,11 @@ class EngineStats:
     def attribute(self, stream_id: int, cause: Cause, transmitted_bytes: int) -> None:
         """Enter bytes of a transmitted frame into the ledger."""
         if transmitted_bytes:
+            self._enter(stream_id, cause, transmitted_bytes)
+            self._unsent.append(((stream_id, cause), transmitted_bytes))
+
+    def _enter(self, stream_id: int, cause: Cause, transmitted_bytes: int) -> None:
+        if transmitted_bytes:
             key = (stream_id, cause)
             self._ledger[key] = self._ledger.get(key, 0) + transmitted_bytes
 
@@ -134,7 +155,12 @@ class EngineStats:
         """Return the ledger, by stream and cause."""
         ordered = sorted(self._ledger.items(), key=lambda item: (item[0][0], item[0][1].value))
         return [
-            LedgerEntry(stream_id=stream_id, cause=cause, transmitted_bytes=transmitted_bytes)
+            LedgerEntry(
+                stream_id=stream_id,
+                cause=cause,
+                transmitted_bytes=transmitted_bytes,
+                airtime_ns=self._airtimes.get((stream_id, cause), 0),
+            )
             for (stream_id, cause), transmitted_bytes in ordered
         ]
 
@@ -263,13 +289,25 @@ class TunnelStats(LinkStats):
 
     def made(self) -> Entries:
         """Return the entries of the frame that has been made."""
-        made = Entries(super().attribute, self._rows, self._inside)
+        made = Entries(self._enter_sent, self._rows, self._inside)
         self._rows, self._inside = [], []
         return made
 
+    def _enter_sent(self, stream_id: int, cause: Cause, transmitted_bytes: int) -> None:
+        self._enter(stream_id, cause, transmitted_bytes)
+        self._whole.attribute(stream_id, cause, transmitted_bytes)
+
+    def ledger(self) -> list[LedgerEntry]:
+        """Return the ledger; airtimes are those of the mean frame, since many may wait."""
+        per_byte_ns = self.airtime_ns / self.bytes_transmitted if self.bytes_transmitted else 0.0
+        return [
+            msgspec.structs.replace(each, airtime_ns=int(per_byte_ns * each.transmitted_bytes))
+            for each in super().ledger()
+        ]
+
     def sent(self, frame_bytes: int, airtime_ns: int) -> None:
         """Count a frame that is given to the tunnel."""
-        EngineStats.sent(self, frame_bytes, airtime_ns)
+        self._count(frame_bytes, airtime_ns)
 
     def heard(self, frame_bytes: int) -> None:
         """Count a frame that has arrived."""

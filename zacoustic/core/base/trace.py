@@ -9,7 +9,7 @@ from collections.abc import Callable
 import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S
-from zacoustic.core.base.linktypes import ONE_LINK
+from zacoustic.core.base.linktypes import ONE_LINK, Service
 
 
 class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -34,6 +34,8 @@ class TraceRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     """The frame in hexadecimal, so that a trace can be replayed."""
     link: str = ONE_LINK
     """Name of the link."""
+    service: Service = Service.PLAIN
+    """The service that carries the frame."""
 
     def render(self) -> str:
         """Return the record as one line for people."""
@@ -72,6 +74,7 @@ class Tracer:
         streams: tuple[int, ...] = (),
         detail: str = "",
         link: str = ONE_LINK,
+        service: Service = Service.PLAIN,
     ) -> None:
         """Write a record; `TraceRecord` lists the words."""
         if self._sink is not None:
@@ -86,5 +89,6 @@ class Tracer:
                     detail=detail,
                     frame=frame.hex(),
                     link=link,
+                    service=service,
                 )
             )

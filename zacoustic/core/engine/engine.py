@@ -141,6 +141,8 @@ class Engine:
         """Measurements of peers and modems; read-only."""
         self.doubt = node.doubt
         """Whether something from earlier boot epochs is forgotten; read-only."""
+        self.twins = node.twins
+        """Which addresses two nodes have; read-only."""
         self.contact = node.contact
         """Which nodes are lost; read-only."""
         self.lost_contact = node.lost_contact

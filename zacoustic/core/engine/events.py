@@ -13,6 +13,7 @@ from zacoustic.core.peers.doubt import JournalDoubted
 from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
 from zacoustic.core.peers.lostcontact import ContactLost, ContactRestored
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
+from zacoustic.core.peers.twins import AddressShared
 from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.protocols import ProtocolEvent
 from zacoustic.core.schedule.hosttime import ClockStateChanged
@@ -51,6 +52,7 @@ from zacoustic.core.wire.goals import GoalFailure, GoalKey, GoalStatus
 __all__ = [
     "AccessStateChanged",
     "ActionEvent",
+    "AddressShared",
     "BulkChanged",
     "CallFailed",
     "CallFailure",
@@ -164,6 +166,7 @@ Event = (
     | PeerReachable
     | JournalStateChanged
     | JournalDoubted
+    | AddressShared
     | SealAlarm
     | EngineRestarted
     | TransportEvent

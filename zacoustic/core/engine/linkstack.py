@@ -160,8 +160,11 @@ class LinkStack:
 
     def handle_report(self, report: TransmitReport, now: int) -> None:
         """Take the report of a transmission that has ended."""
+        port = self.transmitter.port
+        service = Service.BULK if port is not None and port.is_bulk(report) else Service.PLAIN
         if self.transmitter.finish(report, now):
-            self._trace.note(now, "report", detail=report.outcome.value, link=self.name)
+            detail = report.outcome.value
+            self._trace.note(now, "report", detail=detail, link=self.name, service=service)
         else:
             self.stats.drop("stray_report")
 
@@ -216,6 +219,7 @@ class LinkStack:
         if made is None:
             return None
         transmission, composed = made
+        self._context.node.twins.sent(transmission.frame_bytes)
         self._trace.note(
             now,
             "transmit",
@@ -223,6 +227,7 @@ class LinkStack:
             frame=transmission.frame_bytes,
             streams=composed.streams,
             link=self.name,
+            service=transmission.service,
         )
         is_urgent = composed.is_urgent or any(map(self._is_urgent, composed.streams))
         if is_urgent and transmission.service is Service.PLAIN:
@@ -384,9 +389,17 @@ class LinkStack:
         """Count a frame that is dropped; None: it is not."""
         if reason is None:
             return
+        if reason == "own" and self._seal is None:
+            self._context.node.twins.heard_own(frame.frame_bytes, now)
         self.stats.drop(reason)
         self._trace.note(
-            now, "drop", peer=frame.source, frame=frame.frame_bytes, detail=reason, link=self.name
+            now,
+            "drop",
+            peer=frame.source,
+            frame=frame.frame_bytes,
+            detail=reason,
+            link=self.name,
+            service=frame.service,
         )
 
     def _receive(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
@@ -400,6 +413,7 @@ class LinkStack:
             frame=frame.frame_bytes,
             streams=streams,
             link=self.name,
+            service=frame.service,
         )
 
     def _is_urgent(self, stream_id: int) -> bool:

@@ -64,6 +64,8 @@ class Doubt:
         self.reason = stored.get(DOUBT_KEY, b"").decode(errors="replace")
         """Why the journal is in doubt, one line, for the whole boot epoch; empty: it is not."""
         self._is_stored = bool(self.reason)
+        self._is_own_word = bool(self.reason)
+        self._is_explained = False
         self._began_at: int | None = None
         self._suspected_until = 0
         if self.reason:
@@ -103,12 +105,23 @@ class Doubt:
         It holds from the start of this boot epoch, and after the next start as well: the node
         refuses what may be older, as if the journal had reported the damage.
         """
+        if self._is_explained:
+            return
         if not self.reason:
             self.reason = reason
         if not self._is_stored and self._may_be_older(ns_to_seconds(self._longest_ns), now):
             self._is_stored = True
             self._journal.write(DOUBT_KEY, self.reason.encode())
         self._emit(JournalDoubted(reason=reason))
+
+    def explain(self) -> None:
+        """Take back what others have shown: they have heard another node with this address."""
+        self._is_explained = True
+        if self.reason and not self._is_own_word:
+            self.reason = ""
+            if self._is_stored:
+                self._is_stored = False
+                self._journal.write(DOUBT_KEY, None)
 
     def settle(self, now: int) -> None:
         """Drop the journal entry once nobody repeats anything from before this boot epoch."""

@@ -31,6 +31,7 @@ from zacoustic.core.peers.peers import Peers
 from zacoustic.core.peers.reception import Reception
 from zacoustic.core.peers.sealing import Seal
 from zacoustic.core.peers.statements import Statements
+from zacoustic.core.peers.twins import Twins
 from zacoustic.core.schedule.hearing import hear_medium
 from zacoustic.core.schedule.linkseal import LinkSeal, SealRules, Unsealed
 from zacoustic.core.schedule.pacers import Pacers
@@ -91,6 +92,9 @@ class NodeContext:
         """Measurements of peers and modem."""
         self.doubt = Doubt(address, table, stored, self.journal, emit)
         """Whether something from earlier boot epochs is forgotten."""
+        self.twins = Twins(address, self.doubt, emit)
+        """Which addresses two nodes have."""
+        self.peers.restarted.connect(self.twins.heard_epoch)
         self.seal: Seal | None = None
         """Seals and opens frames; None: they are not sealed."""
         if cipher is not None:

@@ -282,10 +282,7 @@ class LinkPort:
 
     def airtime_ns(self, frame_bytes: int, service: Service) -> int:
         """Return the airtime of a frame of a service, ns."""
-        bulk = self.capabilities.bulk
-        if service is Service.BULK and bulk is not None:
-            return bulk.airtime_ns(frame_bytes)
-        return self.capabilities.airtime_ns(frame_bytes)
+        return self.capabilities.airtime_ns(frame_bytes, service)
 
     def transmit(
         self,
@@ -424,7 +421,7 @@ class LinkPort:
         # A piece of a byte stream has no instant of its own.
         if source == UNKNOWN_SOURCE or not self.capabilities.framed:
             return
-        airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
+        airtime_ns = self.airtime_ns(len(frame.frame_bytes), frame.service)
         way_ns, error_ns = self._way(source, frame, now)
         self.access.handle_arrival(
             Arrival(
@@ -442,7 +439,7 @@ class LinkPort:
         self, source: int, control: AccessControl, frame: ReceivedFrame, now: int
     ) -> None:
         """Take a control of medium access from a frame of `source`."""
-        airtime_ns = self.capabilities.airtime_ns(len(frame.frame_bytes))
+        airtime_ns = self.airtime_ns(len(frame.frame_bytes), frame.service)
         way_ns, error_ns = self._way(source, frame, now)
         started_at = frame.received_at - way_ns - airtime_ns
         if isinstance(control, Turn) and control.node == ANYBODY:

@@ -9,7 +9,7 @@ not need its content.
 import enum
 import hashlib
 import typing
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import msgspec
@@ -26,6 +26,9 @@ TYPES: Final = "zacoustic_types"
 
 _LATER: Final = "then"
 """Argument that is a function of the application; a replay calls one that returns nothing."""
+_EVENT: Final = "poll_event"
+_NOTHING: Final = b"\xc0"
+"""The outcome of a call that has returned None."""
 _VALUES: Final = ("value",)
 """Arguments of any type, as the application passes them."""
 
@@ -131,14 +134,19 @@ class CallReader:
 
     Args:
         names: Names of the calls by number.
+        only: The calls to read, and events that there were; None: all.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], only: Collection[str] | None = None) -> None:
         self._names = names
+        self._is_wanted = [only is None or name in only for name in names]
+        self._events = names.index(_EVENT) if only is not None and _EVENT in names else None
+        """Number of the call whose outcome alone is wanted, if it has one."""
         self._parameters: dict[str, dict[str, Any]] = {}
-        self._decoder = msgspec.msgpack.Decoder(list[tuple[int, dict[str, Any], msgspec.Raw]])
+        self._decoder = msgspec.msgpack.Decoder(list[tuple[int, msgspec.Raw, msgspec.Raw]])
+        self._arguments = msgspec.msgpack.Decoder(dict[str, Any])
 
-    def read(self, data: bytes) -> Iterator[Recorded]:
+    def read(self, data: bytes | msgspec.Raw) -> Iterator[Recorded]:
         """Read the calls of a message.
 
         Raises:
@@ -146,8 +154,13 @@ class CallReader:
         """
         try:
             for number, arguments, outcome in self._decoder.decode(data):
-                name = self._names[number]
-                yield Recorded(name, self._typed(name, arguments), bytes(outcome))
+                if not self._is_wanted[number]:
+                    continue
+                name, told = self._names[number], bytes(outcome)
+                if number != self._events:
+                    yield Recorded(name, self._typed(name, self._arguments.decode(arguments)), told)
+                elif told != _NOTHING:
+                    yield Recorded(name, {}, told)
         except (msgspec.DecodeError, ValueError, IndexError, RecursionError) as error:
             raise ConfigError(f"a call of the engine cannot be read: {error}") from error
 

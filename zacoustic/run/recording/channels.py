@@ -11,6 +11,7 @@ from zacoustic.core.base.linktypes import (
     LinkMetrics,
     LinkState,
     ReceivedFrame,
+    Service,
     Transmission,
     TransmitReport,
 )
@@ -70,7 +71,7 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
     transmission_id: int | None = None
     """Number of a sent frame's transmission."""
     airtime_s: float | None = None
-    """Airtime of a sent frame by the link's capabilities, s."""
+    """Its airtime by the link's capabilities, s, without repetitions by the device."""
     acknowledge: bool | None = None
     """Of a sent frame: the modem is asked for an acknowledgement."""
     snr_db: float | None = None
@@ -89,12 +90,15 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
             received_at=self.at,
             source=self.source,
             destination=self.destination,
+            service=self.service,
         )
 
     range_rate_m_s: float | None = None
     """The same."""
     link: str = ONE_LINK
     """Name of the link."""
+    service: Service = Service.PLAIN
+    """The service that carries it: `plain`, or `bulk` for burst data."""
 
 
 class ReportRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -142,6 +146,8 @@ class LedgerRow(msgspec.Struct, frozen=True, kw_only=True):
     """Cause of the bytes."""
     transmitted_bytes: int
     """Bytes given to the link since the boot epoch began."""
+    airtime_s: float | None = None
+    """Their airtime, s; None: an older recording."""
 
 
 class LedgerRecord(msgspec.Struct, frozen=True, kw_only=True):
@@ -237,7 +243,6 @@ def sent_frame(
 ) -> FrameRecord:
     """Make the record of a frame that was given to the link."""
     size = len(sent.frame_bytes)
-    airtime_s = None if capabilities is None else capabilities.airtime_ns(size) / 1e9
     return FrameRecord(
         direction=SENT,
         node=node,
@@ -247,27 +252,39 @@ def sent_frame(
         frame=sent.frame_bytes,
         at=at,
         transmission_id=sent.transmission_id,
-        airtime_s=airtime_s,
+        airtime_s=_airtime_s(size, sent.service, capabilities),
         acknowledge=sent.acknowledge,
+        service=sent.service,
     )
 
 
-def received_frame(node: int, frame: ReceivedFrame) -> FrameRecord:
+def _airtime_s(
+    size_bytes: int, service: Service, capabilities: LinkCapabilities | None
+) -> float | None:
+    return None if capabilities is None else capabilities.airtime_ns(size_bytes, service) / 1e9
+
+
+def received_frame(
+    node: int, frame: ReceivedFrame, capabilities: LinkCapabilities | None = None
+) -> FrameRecord:
     """Make the record of a frame that arrived."""
     metrics: LinkMetrics = frame.metrics
+    size = len(frame.frame_bytes)
     return FrameRecord(
         direction=RECEIVED,
         node=node,
         source=frame.source,
         destination=frame.destination,
-        size_bytes=len(frame.frame_bytes),
+        size_bytes=size,
         frame=frame.frame_bytes,
         at=frame.received_at,
+        airtime_s=_airtime_s(size, frame.service, capabilities),
         snr_db=metrics.snr_db,
         received_level_db=metrics.received_level_db,
         integrity=metrics.integrity,
         propagation_s=metrics.propagation_s,
         range_rate_m_s=metrics.range_rate_m_s,
+        service=frame.service,
     )
 
 

@@ -1,6 +1,6 @@
 """The boot epochs of nodes in a recording, one message after the other."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -37,20 +37,30 @@ class Calls(msgspec.Struct, frozen=True):
 Part = NewLife | Calls
 
 
+_NONE: Final = msgspec.Raw()
+
+
 class _Written(msgspec.Struct):
     """A message of the channel of an engine."""
 
-    life: msgspec.Raw = msgspec.Raw()
-    calls: msgspec.Raw = msgspec.Raw()
+    life: msgspec.Raw = _NONE
+    calls: msgspec.Raw = _NONE
 
 
 class LifeReader:
-    """Finds boot epochs and calls in the messages of a recording."""
+    """Finds boot epochs and calls in the messages of a recording.
 
-    def __init__(self) -> None:
+    Args:
+        only: The calls to read; None: all.
+    """
+
+    def __init__(self, only: Collection[str] | None = None) -> None:
+        self._only = only
         self.epochs = 0
         """Number of epochs begun."""
         self._readers: dict[int, CallReader] = {}
+        self._nodes: dict[str, int] = {}
+        """By topic."""
         self._decoder = msgspec.msgpack.Decoder(_Written)
 
     def life_in(self, message: ReadMessage) -> Life | None:
@@ -70,7 +80,7 @@ class LifeReader:
             written = self._decoder.decode(message.data)
         except msgspec.DecodeError as error:
             raise ConfigError(f"{message.topic}: {error}") from error
-        if len(bytes(written.life)):
+        if written.life is not _NONE:
             life = decode_life(bytes(written.life))
             if life.format != FORMAT:
                 raise ConfigError(
@@ -78,13 +88,17 @@ class LifeReader:
                     hint=f"replay it with zacoustic {life.program}",
                 )
             self.epochs += 1
-            self._readers[life.address] = CallReader(life.calls)
+            self._readers[life.address] = CallReader(life.calls, self._only)
             return NewLife(life)
-        node = whole_number(message.metadata.get("node", ""))
+        node = self._nodes.get(message.topic)
+        if node is None:
+            node = whole_number(message.metadata.get("node", ""))
+            if node is not None:
+                self._nodes[message.topic] = node
         reader = self._readers.get(node) if node is not None else None
         if reader is None or node is None:
             return None  # of a boot epoch whose beginning is not in the file
-        return Calls(node, tuple(reader.read(bytes(written.calls))))
+        return Calls(node, tuple(reader.read(written.calls)))
 
 
 def read_parts(path: str | Path, *, tells: bool = True) -> Iterator[Part]:

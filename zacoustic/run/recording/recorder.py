@@ -191,7 +191,8 @@ class _LifeRecorder:
                 sent = sent_frame(node, result, self._now, capabilities)
                 self._put_record(self._frames, replace(sent, link=link))
             case "handle_frame", {"frame": ReceivedFrame() as frame}:
-                self._put_record(self._frames, replace(received_frame(node, frame), link=link))
+                heard = received_frame(node, frame, self._engine.capabilities_of(link))
+                self._put_record(self._frames, replace(heard, link=link))
                 if frame.metrics.propagation_s is not None:
                     self._show_measured()
             case "handle_measurement", _:
@@ -248,6 +249,7 @@ class _LifeRecorder:
                     stream=stream.name if stream is not None else "",
                     cause=entry.cause.value,
                     transmitted_bytes=entry.transmitted_bytes,
+                    airtime_s=entry.airtime_ns / 1e9,
                 )
             )
         record = LedgerRecord(

@@ -177,6 +177,30 @@ class JournalInDoubt(Notice, frozen=True, kw_only=True, tag="journal_in_doubt"):
         ]
 
 
+class AddressClash(Notice, frozen=True, kw_only=True, tag="address_shared"):
+    """Two nodes have one address."""
+
+    address: int
+    """The address."""
+    name: str
+    """Its name in the table."""
+    is_own: bool
+    """It is the one of this node."""
+
+    @property
+    def is_trouble(self) -> bool:
+        """Always: each is taken for the other."""
+        return True
+
+    def lines(self) -> list[str]:
+        """One line."""
+        whose = "this one and another" if self.is_own else "two nodes"
+        return [
+            f"address   {self.address} {self.name}".rstrip()
+            + f": {whose} have it; samples of the two mix and get lost: give each its own"
+        ]
+
+
 FORBIDDEN: Final = "it sends what it may not send"
 """Description of an authentic node that sends what the table does not allow."""
 

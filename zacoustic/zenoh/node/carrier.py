@@ -14,6 +14,7 @@ from zacoustic.core.base.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic.core.base.stats import EngineStats, LedgerEntry
 from zacoustic.core.engine.events import (
     AccessStateChanged,
+    AddressShared,
     BulkChanged,
     CallFailure,
     ClockStateChanged,
@@ -62,6 +63,7 @@ NodeEvent = (
     LinkStateChanged
     | JournalStateChanged
     | JournalDoubted
+    | AddressShared
     | SealAlarm
     | ClockStateChanged
     | AccessStateChanged

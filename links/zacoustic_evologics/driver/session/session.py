@@ -149,7 +149,10 @@ class ModemSession:
         return self.retries is not None and (self.may_repeat or self._has_been_silent(now))
 
     def capabilities(self) -> LinkCapabilities:
-        """Return the capabilities; with a larger `mtu`, bursts get the airtime of messages."""
+        """Return the capabilities; with a larger `mtu`, longer frames go as burst data."""
+        long_above = IM_LIMIT_BYTES if self.config.mtu > IM_LIMIT_BYTES else None
+        if self.config.service == "burst":
+            long_above = 0
         return LinkCapabilities(
             mtu_bytes=self.config.mtu,
             bit_rate_bps=BIT_RATE_BPS,
@@ -168,6 +171,9 @@ class ModemSession:
             reports=frozenset({"received_level_db", "integrity", "range_rate_m_s"}),
             measures=self._measures(),
             measures_range=self.acknowledges,
+            long_above_bytes=long_above,
+            long_bit_rate_bps=_BULK.bit_rate_bps,
+            long_preamble_s=_BULK.preamble_s,
             bulk=_BULK if self.has_bulk else None,
         )
 

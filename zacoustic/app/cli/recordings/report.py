@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from zacoustic.app.cli.support.arguments import add_json
+from zacoustic.app.cli.support.atwork import AT_WORK
 from zacoustic.app.cli.support.newfile import new_file
 from zacoustic.app.cli.support.printing import print_result, print_text
 from zacoustic.link.command import EXIT_OK, Command
@@ -43,7 +44,7 @@ class ReportCommand(Command):
         from zacoustic.app.tools.inspect.recordings.report.reporttext import as_text
 
         with new_file("--html", arguments.html) as page:
-            facts = gather(arguments.recordings)
+            facts = gather(arguments.recordings, lean=True, progress=AT_WORK.show)
             figures = figures_of(facts)
             if page is not None:
                 from zacoustic.app.tools.inspect.recordings.report.page import as_page

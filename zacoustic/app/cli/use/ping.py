@@ -137,13 +137,14 @@ def _record(node: int, ping: "Ping") -> dict[str, Any]:
     found = {} if ping.answer is None else msgspec.to_builtins(ping.answer)
     head = {"number": ping.number, "node": node, "answered": ping.answer is not None}
     found.pop("address", None)
-    return {**head, **found, "unix_s": ping.unix_s}
+    why = {"why": ping.why} if ping.why else {}
+    return {**head, **found, **why, "unix_s": ping.unix_s}
 
 
 def _text(node: int, ping: "Ping") -> str:
     answer = ping.answer
     if answer is None:
-        return f"{ping.number}: node {node}: no answer in time"
+        return f"{ping.number}: {one_line(ping.why) or f'node {node}: no answer in time'}"
     words = []
     if answer.round_trip_s is not None:
         words.append(f"round trip {answer.round_trip_s:.2f} s")

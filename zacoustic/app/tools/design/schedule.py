@@ -51,14 +51,18 @@ def distance_of(positions: Mapping[int, Position]) -> Distance:
 
 
 def make_schedule(
-    wish: ScheduleWish, distance: Distance, capabilities: LinkCapabilities
+    wish: ScheduleWish,
+    distance: Distance,
+    capabilities: LinkCapabilities,
+    nearest: Distance | None = None,
 ) -> ScheduleSpec:
     """Make a schedule.
 
     Args:
         wish: What it is made for.
-        distance: Of each two nodes.
+        distance: Of each two nodes; of moving ones the largest.
         capabilities: The link's, for its airtimes.
+        nearest: Of moving nodes the smallest distance, for who hears whom; None: as `distance`.
     """
 
     def apart_m(ones: Sequence[int], others: Sequence[int]) -> float:
@@ -66,7 +70,7 @@ def make_schedule(
         return farthest_m + 2 * wish.drift_m if farthest_m > 0 else 0.0
 
     nodes = sorted(wish.frames)
-    groups = _groups(nodes, distance, wish)
+    groups = _groups(nodes, nearest or distance, wish)
     order = _tour(len(groups), lambda one, other: apart_m(groups[one], groups[other]))
     owners = [groups[index] for index in order]
     slots = [

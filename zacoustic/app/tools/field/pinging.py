@@ -28,7 +28,7 @@ from zacoustic.errors import (
 )
 from zacoustic.zenoh.node import Node
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.pings import PingAnswer, ping_selector
+from zacoustic.zenoh.session.asking.pings import LINK_DOWN, PingAnswer, ping_selector
 from zacoustic.zenoh.session.session import ZenohSession
 
 RANGE_LIMIT_S: Final = 10.0
@@ -44,6 +44,8 @@ class Ping(msgspec.Struct, frozen=True, kw_only=True):
     """Its answer; None: none came in time."""
     unix_s: float
     """Time of its end, s since 1970."""
+    why: str = ""
+    """Why there is no answer, if more is known than that none came in time."""
 
 
 class Pinger(ABC):
@@ -153,11 +155,14 @@ async def pings(
     loop = asyncio.get_running_loop()
     for number in range(1, count + 1):
         due_at = loop.time() + interval_s
+        answer, why = None, ""
         try:
             answer = await pinger.ping(node, timeout_s)
+        except CallTimeoutError as error:
+            why = str(error) if LINK_DOWN in str(error) else ""
         except (TimeoutError, zenoh.ZError):
-            answer = None
-        yield Ping(number=number, answer=answer, unix_s=time.time())
+            pass
+        yield Ping(number=number, answer=answer, unix_s=time.time(), why=why)
         if number < count:
             await asyncio.sleep(due_at - loop.time())
 

@@ -31,9 +31,23 @@ if (!window.zaTruth) {
       if (each.textContent !== text) each.textContent = text;
     }
   };
+  const said = document.createElement('span'), buttons = new Map();
+  banner.append(said);
+  // A button stays the same element while its line counts on: else no click would hit it.
   const show = (lines) => {
-    const text = lines.join('\n');
-    if (banner.textContent !== text) banner.textContent = text;
+    const text = lines.map((line) => line.text).join('\n');
+    if (said.textContent !== text) said.textContent = text;
+    const acts = new Map(lines.filter((line) => line.act).map((line) => [line.act, line.run]));
+    for (const [name, button] of buttons) if (!acts.has(name)) { button.remove(); buttons.delete(name); }
+    for (const [name, run] of acts) {
+      if (!buttons.has(name)) {
+        const button = document.createElement('button');
+        button.textContent = name;
+        banner.append(button);
+        buttons.set(name, button);
+      }
+      buttons.get(name).onclick = () => { run(); look(); };
+    }
     banner.hidden = !text;
     if (!banner.isConnected) document.body.prepend(banner);
     document.documentElement.style.setProperty('--za-banner', `${banner.offsetHeight}px`);
@@ -56,22 +70,25 @@ if (!window.zaTruth) {
       const passed = since === '' ? '' : ` since ${forms.long(Number(since) + (now - at) / 1000)}`;
       lines.push(`${beat.dataset.dead}${passed}`);
     }
-    for (const check of checks) lines.push(...check(now, gone, Number(beat && beat.dataset.taken || 0)));
-    show(lines);
+    const taken = new Set((beat && beat.dataset.taken || '').split(' '));
+    for (const check of checks) lines.push(...check(now, gone, taken));
+    show(lines.map((line) => typeof line === 'string' ? { text: line } : line));
     count(now);
   };
   // While nobody would take it, nothing is pressed: it would be sent when the server comes back.
   const refuse = (event) => {
     if (!gone || !(event.target instanceof Element)) return;
     if (event.type.startsWith('key') && event.key === 'Tab') return;
-    if (owners.some((isOwn) => isOwn(event))) return;
+    if (banner.contains(event.target) || owners.some((isOwn) => isOwn(event))) return;
     event.preventDefault();
     event.stopImmediatePropagation();
   };
   for (const kind of ['click', 'pointerdown', 'mousedown', 'touchstart', 'keydown', 'keyup', 'beforeinput'])
     window.addEventListener(kind, refuse, { capture: true, passive: false });
-  // `check` gives lines of the banner, `own` tells whose events pass also while the server is gone.
-  window.zaTruth = { isGone: () => gone, check: (take) => checks.push(take), own: (isOwn) => owners.push(isOwn) };
+  // `check` gives lines of the banner, a text or `{text, act, run}` with a button; `own` tells whose
+  // events pass also while the server is gone.
+  window.zaTruth = { isGone: () => gone, check: (take) => checks.push(take),
+    own: (isOwn) => owners.push(isOwn), long: forms.long };
   setInterval(look, TICK_MS);
   document.addEventListener('visibilitychange', look); // timers sleep in a window that nobody sees
 }

@@ -8,6 +8,7 @@ sent) shows its present age.
 """
 
 import math
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
@@ -22,6 +23,9 @@ STYLE: Final = """
   background: #c40f1c; color: #fff; font-size: 17px; font-weight: 700; white-space: pre-line;
   text-align: center; }
 #za-banner[hidden] { display: none; }
+#za-banner button { margin-left: 14px; padding: 2px 12px; border: 1px solid #fff;
+  border-radius: 4px; background: transparent; color: #fff; font: inherit; font-size: 14px;
+  cursor: pointer; }
 .nicegui-content { padding-top: var(--za-banner, 0px) !important; }
 .q-header { top: var(--za-banner, 0px) !important; }
 body.za-gone .za-live { opacity: .4; filter: grayscale(1); cursor: not-allowed; }
@@ -38,20 +42,20 @@ class Alarm(msgspec.Struct, frozen=True):
     """Time since its beginning, s; None: unknown."""
 
 
-def beat_html(number: int, alarm: Alarm | None, *, what: str, taken: int = 0) -> str:
+def beat_html(number: int, alarm: Alarm | None, *, what: str, taken: Iterable[str] = ()) -> str:
     """Return the heartbeat, which a page must get at least every second.
 
     Args:
         number: A number different from the last one.
         alarm: A failure known to the server; None: none.
         what: Beginning of the banner when the server is gone.
-        taken: Number of the page's last accepted command.
+        taken: Ids of the newest accepted commands, without spaces.
     """
     since = "" if alarm is None or alarm.since_s is None else f"{max(alarm.since_s, 0.0):.1f}"
     return (
         f'<i id="za-beat" data-beat="{number}" data-what="{html_text(what)}" '
         f'data-dead="{"" if alarm is None else html_text(alarm.text)}" data-since="{since}" '
-        f'data-taken="{taken}"></i>'
+        f'data-taken="{html_text(" ".join(taken))}"></i>'
     )
 
 

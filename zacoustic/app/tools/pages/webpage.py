@@ -16,7 +16,7 @@ import asyncio
 import math
 import signal
 import time
-from collections.abc import Awaitable, Callable, Collection
+from collections.abc import Awaitable, Callable, Collection, Iterable
 from types import FrameType
 from typing import Any, Final
 
@@ -113,12 +113,12 @@ class Banner:
         ui.on("za-echo", self._hear)
         self._element = ui.html(sanitize=False).style("display: none").mark("beat")
 
-    def beat(self, alarm: Alarm | None = None, *, taken: int = 0) -> None:
+    def beat(self, alarm: Alarm | None = None, *, taken: Iterable[str] = ()) -> None:
         """Show that the server runs; call it at least every second.
 
         Args:
             alarm: A known failure; None: none.
-            taken: Number of this page's last accepted command.
+            taken: Ids of the newest commands that were accepted, without spaces.
         """
         self._number += 1
         self._sent_at_s[self._number] = time.monotonic()

@@ -251,6 +251,7 @@ class _GatewayBoard:
             firmware=modem.firmware,
             journal=journal.failure or ("kept" if journal.kept else "none"),
             journal_doubt=journal.doubt,
+            is_shared=node.shared,
             digest=streams.digest,
             frames_sent=link.frames_transmitted,
             frames_heard=link.frames_received,
@@ -297,7 +298,8 @@ class _GatewayBoard:
     ) -> StreamView:
         ledger = self._get("ledger", LedgerDocument)
         own = sum(entry.bytes for entry in ledger.entries if entry.id == row.id)
-        total = sum(entry.bytes for entry in ledger.entries)
+        own_s = sum(entry.airtime_s for entry in ledger.entries if entry.id == row.id)
+        total_s = sum(entry.airtime_s for entry in ledger.entries)
         heard_ago_s = _ago(row.heard_at_unix_s, there_s)
         is_aged = heard_ago_s is not None and row.age_s is not None
         useless = (dropped.expired, dropped.superseded, dropped.unsubscribed)
@@ -322,7 +324,7 @@ class _GatewayBoard:
             refused=row.refused + sum(dropped.local.get(row.name, {}).values()),
             deadline_missed=row.deadline_missed,
             airtime_bytes=own,
-            airtime_share=round(own / total, 4) if total else 0.0,
+            airtime_share=round(own_s / total_s, 4) if total_s else 0.0,
             differs_at=tuple(each for d in streams.differ if d.id == row.id for each in d.peers),
         )
 
@@ -417,6 +419,7 @@ class _GatewayBoard:
             heard_ago_s=_ago(row.heard_at_unix_s, there_s),
             is_lost=self._get(f"peer/{address}/lost", LostDocument).lost,
             same_table=row.same_table,
+            is_shared=row.shared,
             snr_db=metrics.snr_db if metrics else None,
             received_level_db=metrics.received_level_db if metrics else None,
             integrity=metrics.integrity if metrics else None,
@@ -435,13 +438,13 @@ class _GatewayBoard:
         for entry in self._get("ledger", LedgerDocument).entries:
             size_bytes, airtime_s = by_cause.get(entry.cause, (0, 0.0))
             by_cause[entry.cause] = size_bytes + entry.bytes, airtime_s + entry.airtime_s
-        total = sum(size_bytes for size_bytes, _ in by_cause.values())
+        total_s = sum(airtime_s for _, airtime_s in by_cause.values())
         return tuple(
             CauseView(
                 cause=cause,
                 airtime_bytes=size_bytes,
                 airtime_s=round(airtime_s, 3),
-                share=round(size_bytes / total, 4) if total else 0.0,
+                share=round(airtime_s / total_s, 4) if total_s else 0.0,
             )
             for cause, (size_bytes, airtime_s) in sorted(
                 by_cause.items(), key=lambda item: (-item[1][0], item[0])

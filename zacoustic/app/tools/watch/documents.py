@@ -12,6 +12,7 @@ class NodeDocument(msgspec.Struct, frozen=True, kw_only=True):
     version: str = ""
     wire: str = ""
     link: str = ""
+    shared: bool = False
     started_at_unix_s: float | None = None
 
 
@@ -184,6 +185,7 @@ class PeerRow(msgspec.Struct, frozen=True, kw_only=True):
 
     name: str = ""
     same_table: bool | None = None
+    shared: bool = False
     confirmed_us: bool = False
     heard_at_unix_s: float | None = None
     delivered: int = 0

@@ -5,7 +5,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.columns import align, shortened
+from zacoustic.app.tools.columns import align, shortened, shortened_apart
 from zacoustic.app.tools.watch.views import CarryView, GatewayView, PeerView, StreamView
 from zacoustic.app.tools.watch.ways import carried_words
 from zacoustic.app.tools.watch.words import (
@@ -152,7 +152,8 @@ def nodes_text(view: GatewayView) -> str:
 
 def _lines(view: GatewayView, status: Status) -> Iterator[str]:
     yield f"gateway {title_words(view)}: {status.state}"
-    yield f"  link     {status.link or NOTHING}, up {time_words(status.uptime_s)}"
+    runs = f"the gateway runs for {time_words(status.uptime_s)}"
+    yield f"  link     {status.link or NOTHING}: {view.link_state}; {runs}"
     damaged = f" ({status.frames_damaged} damaged)" if status.frames_damaged else ""
     counts = f"{status.frames_sent} frames sent, {status.frames_heard} heard{damaged}"
     yield f"  on air   {load_words(view)}; {counts}"
@@ -177,9 +178,11 @@ def _carried_lines(view: GatewayView) -> Iterator[str]:
     kept = view.carry
     if kept is None:
         return
-    for stream in kept.streams[:_MOST_STREAMS]:
+    shown = kept.streams[:_MOST_STREAMS]
+    names = shortened_apart([stream.stream for stream in shown], _TOPIC_LETTERS)
+    for stream, name in zip(shown, names, strict=True):
         first, *rest = carried_words(stream, view)
-        yield f"  carried  {shortened(stream.stream, _TOPIC_LETTERS)}: {first}"
+        yield f"  carried  {name}: {first}"
         yield from (f"           {line}" for line in rest)
     yield from _more(len(kept.streams) - _MOST_STREAMS, "zacoustic monitor")
     room = f"{size_words(kept.carried_bytes)} of {size_words(kept.max_bytes)}"

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from zacoustic.app.tools.columns import align, shortened
+from zacoustic.app.tools.columns import align, shortened_apart
 from zacoustic.app.tools.watch.views import GatewayView, StreamView
 from zacoustic.app.tools.watch.words import (
     rate_words,
@@ -17,7 +17,7 @@ from zacoustic.text.safetext import one_line
 _NARROW = ("id", "name", "way", "count", "last", "rate", "age", "waits", "airtime")
 _NARROW_RIGHT = ("id", "count", "last", "age", "waits", "airtime")
 _NAME_LETTERS = 24
-"""Letters of a name in the narrow table; the end of a longer one is kept."""
+"""Letters of a name in the narrow table; of a longer one as much as tells it apart."""
 _HEADER = ("id", "name", "kind", "sent", "last", "rate", "heard", "last", "rate", "age", "waits",
            "airtime", "")  # fmt: skip
 _RIGHT = ("id", "sent", "last", "rate", "heard", "age", "waits", "airtime")
@@ -41,17 +41,21 @@ def streams_text(view: GatewayView, kind: str) -> str:
     head = one_line(f"gateway {title_words(view)}: {state_words(view)}")
     if not streams:
         return f"{head}\nno {kind}s"
-    rows = [row for stream in streams for row in _narrow_rows(stream)]
+    names = shortened_apart([stream.name for stream in streams], _NAME_LETTERS)
+    rows = [
+        row
+        for stream, name in zip(streams, names, strict=True)
+        for row in _narrow_rows(stream, name)
+    ]
     notes = [
         one_line(f"{stream.name}: {words}") for stream in streams if (words := stream_words(stream))
     ]
     return "\n".join([head, align(_NARROW, rows, right=_NARROW_RIGHT), *notes])
 
 
-def _narrow_rows(stream: StreamView) -> list[Sequence[str]]:
+def _narrow_rows(stream: StreamView, name: str) -> list[Sequence[str]]:
     """Return a row for each way that is used, and one of a stream that is not."""
     waits, share = str(stream.waiting), share_words(stream.airtime_share)
-    name = shortened(stream.name, _NAME_LETTERS)
     rows: list[Sequence[str]] = []
     if stream.sent or stream.waiting:
         last, rate = time_words(stream.sent_ago_s), rate_words(stream.sent_rate_hz)

@@ -192,6 +192,8 @@ class PeerView(msgspec.Struct, frozen=True, kw_only=True):
     """Not heard for the file's `lost_after_s`."""
     same_table: bool | None
     """It has our stream table; None: unknown."""
+    is_shared: bool = False
+    """Two nodes have its address."""
     snr_db: float | None
     """Signal-to-noise ratio of the last reception, dB."""
     received_level_db: float | None
@@ -329,6 +331,8 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """Firmware of the modem."""
     journal: str
     """``kept``, ``none``, or why it cannot be written."""
+    is_shared: bool = False
+    """Another node has its address too."""
     journal_doubt: str
     """Why it may lack the last writes; empty: it does not."""
     digest: str

@@ -93,6 +93,8 @@ def state_words(view: GatewayView) -> str:
         words.append(view.link_detail)
     if view.is_silent:
         words.append(f"SILENT: {view.why_silent}" if view.why_silent else _SILENT)
+    if view.is_shared:
+        words.append(f"ANOTHER NODE has address {view.address} too")
     if view.journal not in ("kept", "none"):
         words.append(f"journal fails: {view.journal}")
     if view.journal_doubt:
@@ -133,7 +135,7 @@ def troubled_first(streams: Sequence[StreamView]) -> list[StreamView]:
 def is_well(view: GatewayView) -> bool:
     """Tell whether nothing prevents transmission."""
     is_up = view.is_alive and view.link_state == "up"
-    return is_up and not view.is_silent and view.journal in ("kept", "none")
+    return is_up and not view.is_silent and not view.is_shared and view.journal in ("kept", "none")
 
 
 def load_words(view: GatewayView) -> str:
@@ -174,6 +176,7 @@ def error_words(peer: PeerView) -> str:
 def trouble_words(peer: PeerView) -> str:
     """Return the fault of a node; empty: none."""
     words = ["LOST"] if peer.is_lost else []
+    words += ["TWO NODES with this address"] if peer.is_shared else []
     words += ["another table"] if peer.same_table is False else []
     words += [f"late: {', '.join(peer.late)}"] if peer.late else []
     return ", ".join(words)

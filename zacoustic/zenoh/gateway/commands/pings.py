@@ -14,6 +14,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
+from zacoustic.core.base.linktypes import LinkState
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
@@ -27,6 +28,7 @@ from zacoustic.zenoh.gateway.commands.refusing import refuse_failed
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.commands import node_in
 from zacoustic.zenoh.session.asking.pings import (
+    LINK_DOWN,
     PINGS,
     PeerStatus,
     PingAnswer,
@@ -101,7 +103,10 @@ class PingHandler:
 
     def _take_answer(self, ping: "_Ping", event: CallEnd) -> None:
         if isinstance(event, CallFailed) and event.failure is not CallFailure.HANDLER:
-            refuse_failed(ping.held, event, ping.node)
+            if event.failure is CallFailure.TIMED_OUT and (why := self._why_down()):
+                ping.held.refuse(event.failure, f"node {ping.node} has not answered: {why}")
+            else:
+                refuse_failed(ping.held, event, ping.node)
             return
         now = self._clock()
         if isinstance(event, ResponseReceived) and event.stream_id == STATUS_STREAM_ID:
@@ -113,6 +118,14 @@ class PingHandler:
         has_range = known is not None and known.measured_at >= ping.asked_at
         if has_range or left_s <= 0 or not self._runner.apply(partial(self._range, ping, left_s)):
             self._answer(ping)
+
+    def _why_down(self) -> str:
+        """Return that no link is up, and why; empty: one is."""
+        sides = self._runner.sides
+        if any(side.state is LinkState.UP for side in sides):
+            return ""
+        details = [side.detail for side in sides if side.detail]
+        return ", ".join([LINK_DOWN, *details])
 
     def _begin(self, held: HeldQuery, asked: PingAsked, engine: Engine, now: int) -> None:
         node, within_s = asked.node, asked.within_s

@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from zacoustic.core.engine.events import (
     AccessStateChanged,
+    AddressShared,
     BulkChanged,
     ClockStateChanged,
     CustodyChanged,
@@ -32,6 +33,7 @@ from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
 from zacoustic.zenoh.gateway.notices import (
     AccessChanged,
+    AddressClash,
     BulkRerouted,
     ClockChanged,
     CustodyNotice,
@@ -106,6 +108,13 @@ class EventNotices:
 
     def _doubt(self, event: JournalDoubted) -> Notice:
         return JournalInDoubt(reason=event.reason)
+
+    def _shared(self, event: AddressShared) -> Notice:
+        return AddressClash(
+            address=event.address,
+            name=self._node(event.address),
+            is_own=event.address == self._runner.engine.address,
+        )
 
     def _seal(self, event: SealAlarm) -> Notice:
         stream = None if event.stream_id is None else self._table.get(event.stream_id)
@@ -210,6 +219,7 @@ _MAKERS: Final[dict[type[Any], Callable[[EventNotices, Any], Notice | None]]] = 
     EngineRestarted: EventNotices._restarted,
     JournalStateChanged: EventNotices._journal,
     JournalDoubted: EventNotices._doubt,
+    AddressShared: EventNotices._shared,
     SealAlarm: EventNotices._seal,
     NothingHeard: EventNotices._unheard,
     AccessStateChanged: EventNotices._access,

@@ -13,13 +13,14 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import ns_to_seconds
-from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE
+from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, Service
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.streams.table import StreamTable
 
 KEPT: Final = 16
 """Number of past frames in the document."""
+_BURSTS_KEPT: Final = 64
 
 
 class Frame(msgspec.Struct, kw_only=True):
@@ -61,8 +62,8 @@ class FrameLog:
         self._inside: deque[tuple[str, tuple[int, ...]]] = deque(maxlen=KEPT)
         """Frames that routes and bonds have given to links, and their streams."""
         self._unix_s = unix_s
-        self._transmitting: dict[str, Frame] = {}
-        """By link."""
+        self._transmitting: dict[tuple[str, Service], deque[Frame]] = {}
+        """By link and service, oldest first: a device may have several frames of burst data."""
         self._last: deque[Frame] = deque(maxlen=KEPT)
 
     def note(self, record: TraceRecord) -> None:
@@ -73,9 +74,16 @@ class FrameLog:
                 self._inside.append((record.frame, record.streams))
             case "transmit":
                 peer = None if record.peer == BROADCAST else record.peer
-                self._transmitting[record.link] = self._frame("out", peer, record)
-            case "report" if record.link in self._transmitting:
-                sent = self._transmitting.pop(record.link)
+                under_way = self._transmitting.setdefault(
+                    (record.link, record.service),
+                    deque(maxlen=_BURSTS_KEPT if record.service is Service.BULK else 1),
+                )
+                under_way.append(self._frame("out", peer, record))
+            case "link":  # another port: what it had is reported by nobody
+                for service in Service:
+                    self._transmitting.pop((record.link, service), None)
+            case "report" if self._transmitting.get((record.link, record.service)):
+                sent = self._transmitting[record.link, record.service].popleft()
                 sent.outcome = record.detail
                 self._last.append(sent)
             case "receive":
@@ -88,14 +96,16 @@ class FrameLog:
 
     def documents(self) -> dict[str, object]:
         """Return the document, by the end of its key; the past is oldest first."""
-        newest = next(reversed(self._transmitting.values()), None)
+        under_way = [each[0] for each in self._transmitting.values() if each]
+        newest = max(under_way, key=lambda each: each.begun_unix_s, default=None)
         return {"channel": {"transmitting": newest, "last": list(self._last)}}
 
     def _frame(self, way: str, peer: int | None, record: TraceRecord) -> Frame:
         inside = next((ids for frame, ids in self._inside if frame in record.frame), ())
         found = (self._table.get(each) for each in dict.fromkeys(record.streams or inside))
         capabilities = self._engine().capabilities_of(record.link)
-        airtime_ns = 0 if capabilities is None else capabilities.airtime_ns(record.size_bytes)
+        size, service = record.size_bytes, record.service
+        airtime_ns = 0 if capabilities is None else capabilities.airtime_ns(size, service)
         return Frame(
             way=way,
             peer=peer,

@@ -90,7 +90,7 @@ class FrameFeed:
         name = FRAMES
         match crossing:
             case ReceivedFrame():
-                record = received_frame(engine.address, crossing)
+                record = received_frame(engine.address, crossing, engine.capabilities)
             case Transmission():
                 record = sent_frame(engine.address, crossing, now, engine.capabilities)
             case TransmitReport():

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, TransmitOutcome
+from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, Service, TransmitOutcome
 from zacoustic.core.base.trace import TraceRecord
 
 EXCHANGES_KEPT: Final = 64
@@ -74,7 +74,7 @@ class Traffic:
         self._heard: dict[int, Pulse] = {}
         self._ages_s: dict[int, float] = {}
         self._heard_at: dict[int, float] = {}
-        self._received: dict[int, dict[str, tuple[int, int]]] = {}
+        self._received: dict[int, dict[str, dict[Service, tuple[int, int]]]] = {}
         self._exchanges: dict[int, Exchanges] = {}
         self._destination = BROADCAST
 
@@ -88,8 +88,9 @@ class Traffic:
                 if record.peer != UNKNOWN_SOURCE:
                     self._heard_at[record.peer] = self._unix_s()
                     by_link = self._received.setdefault(record.peer, {})
-                    frames, size_bytes = by_link.get(record.link, (0, 0))
-                    by_link[record.link] = frames + 1, size_bytes + record.size_bytes
+                    counts = by_link.setdefault(record.link, {})
+                    frames, size_bytes = counts.get(record.service, (0, 0))
+                    counts[record.service] = frames + 1, size_bytes + record.size_bytes
                 self._beat(self._heard, record.streams)
             case "report":
                 self._note_outcome(record.detail)
@@ -105,8 +106,11 @@ class Traffic:
         """Return when each node was heard last, s since 1970."""
         return dict(self._heard_at)
 
-    def received_from(self, address: int) -> dict[str, tuple[int, int]]:
-        """Return the number of frames from a node, and their bytes, by link, route and bond."""
+    def received_from(self, address: int) -> dict[str, dict[Service, tuple[int, int]]]:
+        """Return the number of frames from a node, and their bytes.
+
+        By link, route and bond, and by the service that carried them.
+        """
         return dict(self._received.get(address, {}))
 
     def of_stream(self, stream_id: int) -> dict[str, float | None]:

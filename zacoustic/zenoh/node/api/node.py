@@ -248,6 +248,7 @@ class Node(EndpointMaker):
           and there is no other event.
         - `JournalStateChanged`, `JournalDoubted`: the journal cannot be written, or can be again;
           it may lack the last writes.
+        - `AddressShared`: two nodes have one address.
         - `SilenceChanged`: transmit silence has begun by command, or has ended.
         - `StreamOverridden`: a command overrides the settings of a topic.
         - `PeerReachable`: a link of a list of links reaches a node, or does not any more;

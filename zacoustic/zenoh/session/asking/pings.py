@@ -17,6 +17,8 @@ DEFAULT_PING_S: Final = 30.0
 """Default time limit of an answer, s."""
 PINGS: Final = f"{PREFIX}/{ANY_NODE}/ping"
 """Key expression of the pings of all nodes."""
+LINK_DOWN: Final = "the link is down"
+"""Within the text of an error: nothing could be sent when the time was over."""
 _FLAGS: Final = {"true": True, "false": False}
 
 

@@ -208,6 +208,7 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
         notes=(
             *(() if on_desert else _channel_notes(config, built, profile, unbounded_bytes)),
             *_notes(config, links, rows, profile),
+            *_price_notes(config, built, rows),
         ),
         misfits=() if on_desert else tuple(_misfits(config, rows, profile)),
     )
@@ -489,6 +490,38 @@ def _bond_notes(config: Config) -> Iterator[str]:
                 f'{here[0].silence_s:g} s without a frame; cost: "free" if it is'
             )
         yield from _unanswered(config, bond, own)
+
+
+def _price_notes(
+    config: Config, built: Sequence[_Built], rows: tuple[StreamRow, ...]
+) -> Iterator[str]:
+    """Say what a sample costs on each link with a price: a byte more may cost another quantum."""
+    rules = config.rules
+    bonds = {bond.name: bond.links for bond in rules.bonds}
+    for link, each in zip(rules.of_links, built, strict=False):
+        tariff = link.bonded.tariff
+        if tariff is None:
+            continue
+        for row in rows:
+            by = rules.links_of_streams.get(row.stream_id, rules.default_link)
+            goes_by = len(built) == 1 or link.name in (by, *bonds.get(by, ()))
+            if not goes_by or row.largest_bytes is None:
+                continue
+            size = row.largest_bytes + _added_bytes(each.capabilities)
+            quanta = -(-size // tariff.quantum)
+            price = quanta * tariff.quantum * tariff.per_byte
+            paid = f", paid for as {quanta} times {tariff.quantum}" if tariff.quantum > 1 else ""
+            yield (
+                f"{row.name} ({row.kind}) by {link.name}: up to {size} bytes alone in a frame"
+                f"{paid}: {price:.4g}"
+            )
+
+
+def _added_bytes(capabilities: LinkCapabilities | None) -> int:
+    """Return what the core adds to each frame of a link, bytes."""
+    if capabilities is None:
+        return 0
+    return 2 * (not capabilities.addressed) + 4 * (not capabilities.checked)
 
 
 def _unanswered(config: Config, bond: Bond, own: dict[str, BondLink]) -> Iterator[str]:

@@ -14,6 +14,7 @@ import msgspec
 from zacoustic.app.tools.design.plan.fleet import Fleet
 from zacoustic.app.tools.design.plan.tables import Respecify, respecified
 from zacoustic.app.tools.design.plan.verdict import (
+    MOST_ARRIVALS,
     MOST_TRIED_ARRIVALS,
     StreamFound,
     Verdict,
@@ -76,10 +77,11 @@ def changes_that_fit(
             progress(min(1.0, arrivals / most))
             if arrivals >= most:
                 return tuple(found)
-            result = _try(changed, seed)
+            result = _try(changed, seed, whole=any(row.every_s is not None for row in streams))
             arrivals += result.arrivals
-            then = verdict_of(changed, streams_of(changed, result), result)
-            if then.fits:
+            rows = streams_of(changed, result)
+            then = verdict_of(changed, rows, result)
+            if then.fits and not any(row.is_open for row in rows):
                 found.append(Change(what=what, demand=then.demand))
                 break
         if len(found) >= _MOST_CHANGES:
@@ -87,9 +89,12 @@ def changes_that_fit(
     return tuple(found)
 
 
-def _try(fleet: Fleet, seed: int) -> Found:
+def _try(fleet: Fleet, seed: int, *, whole: bool) -> Found:
+    """Walk for a trial; `whole`: as long as the plan, since a sample may take an hour."""
     rarest_s = max(offer.every_s for offer in fleet.offers)
     tried_s = min(max(_LEAST_TRIED_S, _TRIED_PERIODS * rarest_s), _MOST_TRIED_S)
+    if whole:
+        return walk(fleet, 2 * rarest_s, seed, MOST_ARRIVALS)
     return walk(fleet, tried_s, seed, MOST_TRIED_ARRIVALS)
 
 

@@ -133,7 +133,7 @@ class PlanReport(msgspec.Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...]
     """Remarks on the plan."""
     links: tuple[LinkPlan, ...] = ()
-    """Each of several links; empty: there is one."""
+    """Each of several links, or one that costs money; empty: there is one for nothing."""
     schedule: SchedulePlan | None = None
     """The schedule that was asked for."""
 
@@ -207,8 +207,24 @@ def plan(
         schedule=None
         if schedule is None
         else schedule_of(fleet, found.airtime_s, until_s, schedule),
-        notes=(*note_on(fleet.members), *fleet.notes, *_left_out(fleet), *_share_notes(fleet)),
+        notes=(
+            *note_on(fleet.members),
+            *fleet.notes,
+            *_left_out(fleet),
+            *_share_notes(fleet),
+            *_open_notes(streams),
+        ),
     )
+
+
+def _open_notes(streams: Sequence[StreamFound]) -> Iterator[str]:
+    """Name what the simulated time was too short for."""
+    for row in streams:
+        if row.is_open and not row.misfit:
+            yield (
+                f"{row.stream.name}: its first sample was still under way after "
+                f"{row.open_s:.0f} s; --hours simulates longer"
+            )
 
 
 def _share_notes(fleet: Fleet) -> Iterator[str]:
@@ -259,8 +275,6 @@ def _node_plan(address: int, found: Found, until_s: float, power_w: float) -> No
 
 def _link_plans(fleet: Fleet, found: Found) -> tuple[LinkPlan, ...]:
     first, *others = links_of(fleet.rules)
-    if not others:
-        return ()
     media = {first: fleet.scenario, **{each: fleet.scenario.medium_of(each) for each in others}}
     tariffs = {
         each.name: each.bonded.tariff for rules in fleet.rules.values() for each in rules.of_links
@@ -272,6 +286,8 @@ def _link_plans(fleet: Fleet, found: Found) -> tuple[LinkPlan, ...]:
             return None
         return paid_bytes * tariff.per_byte * _H_PER_DAY * 3600.0 / found.walked_s
 
+    if not others and tariffs.get(first) is None:
+        return ()
     return tuple(
         LinkPlan(
             name=name,

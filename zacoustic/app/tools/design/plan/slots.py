@@ -23,6 +23,8 @@ CLOCK_ERROR_S: Final = 0.01
 _SPARE: Final = 1.5
 """A slot has room for this times what its node says on average in a cycle."""
 _MOST_FRAMES: Final = 32
+_MOMENTS: Final = 24
+"""Parts of the planned time, at whose ends moving nodes are looked at."""
 _ROUNDS: Final = 4
 """A longer slot makes the cycle longer, and that the slots: so often, which is enough where the
 fleet says less than half of what fits."""
@@ -74,11 +76,11 @@ def schedule_of(
     if max_frame_s is not None:
         capabilities = capabilities.bounded(max_frame_s)
     largest_s = capabilities.airtime_ns(capabilities.mtu_bytes) / NS_PER_S
-    distance = _distance(fleet)
+    distance, nearest = _distances(fleet, until_s)
     frames = dict.fromkeys(fleet.nodes, 1)
     for _ in range(_ROUNDS):
         wish = ScheduleWish(frames=frames, **msgspec.structs.asdict(options))
-        spec = make_schedule(wish, distance, capabilities)
+        spec = make_schedule(wish, distance, capabilities, nearest)
         cycles = until_s / spec.cycle_s
         wanted = {each: airtime_s.get(each, 0.0) / cycles / largest_s for each in fleet.nodes}
         frames = {
@@ -94,11 +96,33 @@ def schedule_of(
     )
 
 
-def _distance(fleet: Fleet) -> Distance:
+def _distances(fleet: Fleet, until_s: float) -> tuple[Distance, Distance]:
+    """Return the largest and the smallest distance of two nodes while the plan lasts."""
     apart_m = fleet.apart_m
     if apart_m is not None:
-        return lambda one, other: 0.0 if one == other else apart_m
-    return distance_of({each.address: each.motion().position(0.0) for each in fleet.scenario.nodes})
+
+        def same(one: int, other: int) -> float:
+            return 0.0 if one == other else apart_m
+
+        return same, same
+    motions = {each.address: each.motion() for each in fleet.scenario.nodes}
+    moments = [
+        distance_of(
+            {
+                address: motion.position(until_s * part / _MOMENTS)
+                for address, motion in motions.items()
+            }
+        )
+        for part in range(_MOMENTS + 1)
+    ]
+
+    def farthest(one: int, other: int) -> float:
+        return max(each(one, other) for each in moments)
+
+    def nearest(one: int, other: int) -> float:
+        return min(each(one, other) for each in moments)
+
+    return farthest, nearest
 
 
 def _as_table(spec: ScheduleSpec) -> dict[str, Any]:

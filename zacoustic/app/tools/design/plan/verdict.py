@@ -9,6 +9,7 @@ import msgspec
 from zacoustic.app.tools.design.plan.fleet import Fleet, Refused
 from zacoustic.app.tools.design.plan.offers import Offer
 from zacoustic.app.tools.design.plan.walk import Found, Walk
+from zacoustic.channel.profiles import profile_named
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.schedule.access.spec import AlohaSpec
 from zacoustic.core.streams.specs import ServiceSpec, in_parts
@@ -23,6 +24,8 @@ MOST_ARRIVALS: Final = 8_000
 """Most arrivals of a plan without a given length: some three seconds."""
 MOST_TRIED_ARRIVALS: Final = 2_000
 """The same for each trial."""
+_SEVERAL: Final = 3.0
+"""A sample with more airtime than so many of the largest frames takes several."""
 _HALF, _WORST = 0.5, 0.99
 _ENOUGH, _ENOUGH_SURE = 20, 5
 """So many transmissions, and of what is repeated so many, of which none arrives: none ever does."""
@@ -50,6 +53,12 @@ class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
     on its way."""
     unreached: tuple[int, ...] = ()
     """Nodes that should receive it, and have received nothing of much of it."""
+    every_s: float | None = None
+    """Period of a topic whose samples take several frames, of one after the other, s; None: of
+    another one."""
+    open_s: float = 0.0
+    """For how long the oldest sample of such a topic that has not arrived was under way at the
+    end, s; 0: all have."""
     refused: float = 0.0
     """Share of its samples that publishing refuses, 0…1."""
     reason: str = ""
@@ -59,6 +68,11 @@ class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
     def demand_s(self) -> float:
         """Airtime if all of it were transmitted, s."""
         return self.airtime_s / self.went if self.went else 0.0
+
+    @property
+    def is_open(self) -> bool:
+        """Its first sample takes several frames, and was still under way at the end."""
+        return self.every_s is not None and self.open_s > 0 and self.expected_s is None
 
     @property
     def misfit(self) -> str:
@@ -73,6 +87,10 @@ class StreamFound(msgspec.Struct, frozen=True, kw_only=True):
                 f"{1 - self.arrived:.0%} of it never arrives although it is repeated: pushed out, "
                 "or too old, before it was acknowledged"
             )
+        if self.every_s is not None:
+            takes_s = max(self.expected_s or 0.0, self.open_s)
+            if takes_s > self.every_s:
+                return f"takes {takes_s:.0f} s, and the next one comes after {self.every_s:g} s"
         if self.went < LEAST_WENT:
             return f"{1 - self.went:.0%} of it never goes: pushed out, or too old before its turn"
         if self.bound_s is not None and self.worst_s is not None and self.worst_s > self.bound_s:
@@ -149,6 +167,8 @@ def streams_of(fleet: Fleet, found: Found) -> list[StreamFound]:
                 reason=_reason(stream, found.refusals.get(stream_id), refusal),
                 unreached=_unreached(fleet, stream, own, found),
                 arrived=_arrived(fleet, stream, own, found),
+                every_s=_period_s(fleet, stream, own, found),
+                open_s=_open_s(fleet, stream, own, found),
             )
         )
     return sorted(rows, key=lambda row: -row.demand_s)
@@ -222,6 +242,34 @@ def _arrived(fleet: Fleet, stream: Stream, own: Sequence[Offer], found: Found) -
         for each in _receivers(fleet, stream, own)
     ]
     return min(1.0, *shares, 1.0)
+
+
+def _period_s(fleet: Fleet, stream: Stream, own: Sequence[Offer], found: Found) -> float | None:
+    """Return the shortest period of a topic whose samples take several frames each, s, or None.
+
+    What takes one frame may be on its way for longer than its period: the next one follows it.
+    """
+    said = found.said.get(stream.stream_id, 0)
+    if isinstance(stream.spec, ServiceSpec) or not said:
+        return None
+    largest_s = max(_largest_s(fleet), 1e-9)
+    each_s = found.stream_airtime_s.get(stream.stream_id, 0.0) / said
+    return min(each.every_s for each in own) if each_s > _SEVERAL * largest_s else None
+
+
+def _largest_s(fleet: Fleet) -> float:
+    profile = profile_named(fleet.scenario.profile)
+    return profile.airtime_s(profile.mtu_bytes)
+
+
+def _open_s(fleet: Fleet, stream: Stream, own: Sequence[Offer], found: Found) -> float:
+    """Return for how long the oldest sample without arrival was under way at the end, s."""
+    said_s = found.said_s.get(stream.stream_id, [])
+    if stream.qos.reliability is not Reliability.RELIABLE:
+        return 0.0
+    got = found.arrived.get(stream.stream_id, {})
+    arrived = min((got.get(each, 0) for each in _receivers(fleet, stream, own)), default=0)
+    return found.walked_s - said_s[arrived] if arrived < len(said_s) else 0.0
 
 
 def _receivers(fleet: Fleet, stream: Stream, own: Sequence[Offer]) -> set[int]:

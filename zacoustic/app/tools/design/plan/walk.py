@@ -91,6 +91,8 @@ class Found:
         """Number of those transmitted, by stream."""
         self.arrived: dict[int, dict[int, int]] = {}
         """Number of samples or answers by stream and receiving node."""
+        self.said_s: dict[int, list[float]] = {}
+        """Instants of the samples of topics with one speaker, by stream, s."""
         self.refused: dict[int, int] = {}
         """Number of those that publishing refuses, by stream."""
         self.refusals: dict[int, LocalError] = {}
@@ -199,8 +201,11 @@ class Walk(Checker):
 
     def _begin(self, offers: Sequence[Offer], seed: int) -> None:
         rng = random.Random(f"plan/{seed}")
+        speakers = Counter(offer.stream.stream_id for offer in offers)
         for offer in offers:
             self.found.said.setdefault(offer.stream.stream_id, 0)
+            if speakers[offer.stream.stream_id] == 1 and not offer.is_call:
+                self.found.said_s[offer.stream.stream_id] = []
             self._repeat(offer, offer.values(rng), offer.instants(rng))
 
     def _repeat(self, offer: Offer, values: Iterator[object], instants: Iterator[int]) -> None:
@@ -210,6 +215,8 @@ class Walk(Checker):
 
         def act() -> None:
             self.found.said[stream.stream_id] += 1
+            if (said_s := self.found.said_s.get(stream.stream_id)) is not None:
+                said_s.append(run.network.now / NS_PER_S)
             run.say(offer.node, stream, offer.instance, next(values))
             go_on()
 

@@ -34,11 +34,14 @@ def recorded_to(path: Path | None) -> Iterator[SimulationRecorder | None]:
     """Yield a recorder of a simulation to a file; None without a file.
 
     Raises:
-        ConfigError: The file cannot be made or finished.
+        ConfigError: The file exists, or cannot be made or finished.
     """
     if path is None:
         yield None
         return
+    if path.exists() and not path.is_dir():
+        hint = "give another name, or move that away"
+        raise ConfigError(f"recording {path} exists; allowed: a new file", hint=hint)
     file = RecordingFile(path, waits=True)
     try:
         recorder = SimulationRecorder(file)

@@ -44,6 +44,7 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
             "client, and the gateway notices it by itself",
         )
     yield from _clash(config, health)
+    yield from _shared(config, health)
     yield from _tables(config, running)
     yield from _routes(health)
     for key, bond in health.items():
@@ -78,6 +79,19 @@ def _clash(config: Config, health: Mapping[str, Any]) -> Iterator[Finding]:
             "samples mix, acknowledgements go to the wrong one",
             cure="give each node an address of its own (address in the file, or --address)",
         )
+
+
+def _shared(config: Config, health: Mapping[str, Any]) -> Iterator[Finding]:
+    peers = _part(health, "peers")
+    for address in sorted(peers, key=str):
+        if address != str(config.address) and _part(peers, address).get("shared") is True:
+            yield Finding(
+                what=f"address clash: two nodes have address {address}, their boot epochs take "
+                "turns",
+                why="this node takes the two for one: samples mix, acknowledgements go to the "
+                "wrong one",
+                cure="give each node an address of its own (address in its file, or --address)",
+            )
 
 
 def _tables(config: Config, running: Running) -> Iterator[Finding]:

@@ -81,7 +81,8 @@ class Contradictions:
             self._keeping.keep_count(stream, lane)
         self._doubt.told(
             f"node {source} has later samples of {stream.name} (lineage {sync.lineage:04x}, "
-            f"{sync.floor}) than this node remembers: its journal is an old copy",
+            f"{sync.floor}) than this node remembers: its journal is an old copy, or another "
+            "node has its address",
             now,
         )
         self._lose(lane, source)

@@ -52,7 +52,8 @@ class LinkStatus:
         """Return the documents, by the end of their keys."""
         doubt = self._engine.doubt.reason
         return {
-            "node": self._about | {"doubt": doubt},
+            "node": self._about
+            | {"doubt": doubt, "shared": self._engine.address in self._engine.twins.shared},
             **self._links(),
             "ledger": self._ledger(self._engine.stats),
             **self._seals(),
@@ -201,22 +202,20 @@ class LinkStatus:
         return engine.seal_failure or engine.clock.doubt or quiet
 
     def _ledger(self, stats: EngineStats) -> dict[str, object]:
-        airtime_s = ns_to_seconds(stats.airtime_ns)
-        per_byte_s = airtime_s / stats.bytes_transmitted if stats.bytes_transmitted else 0.0
         return {
             "bytes": stats.bytes_transmitted,
-            "airtime_s": airtime_s,
-            "entries": [self._entry(entry, per_byte_s) for entry in stats.ledger()],
+            "airtime_s": ns_to_seconds(stats.airtime_ns),
+            "entries": [self._entry(entry) for entry in stats.ledger()],
         }
 
-    def _entry(self, entry: LedgerEntry, per_byte_s: float) -> dict[str, object]:
+    def _entry(self, entry: LedgerEntry) -> dict[str, object]:
         stream = self._engine.table.get(entry.stream_id)
         return {
             "id": entry.stream_id,
             "stream": stream.name if stream is not None else "",
             "cause": entry.cause.value,
             "bytes": entry.transmitted_bytes,
-            "airtime_s": round(entry.transmitted_bytes * per_byte_s, 6),
+            "airtime_s": round(ns_to_seconds(entry.airtime_ns), 6),
         }
 
 

@@ -1,6 +1,9 @@
 """The document about the nodes heard."""
 
+from collections.abc import Mapping
+
 from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.base.linktypes import Service
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import PeerSeen
 from zacoustic.run.runner import LinkRunner
@@ -52,6 +55,7 @@ class PeerTable:
             "epoch": seen.epoch if seen else None,
             "same_table": seen.same_table if seen else None,
             "wire_version": seen.wire_version if seen else None,
+            "shared": address in self._engine.twins.shared,
             "confirmed_us": confirmed.get(address, False),
             "heard_at_unix_s": heard_at_unix_s,
             **self._traffic.of_peer(address),
@@ -65,19 +69,21 @@ class PeerTable:
         by_link = self._traffic.received_from(address)
         return {
             link: {
-                "frames": by_link[link][0],
-                "bytes": by_link[link][1],
-                "airtime_s": self._airtime_s(link, *by_link[link]),
+                "frames": sum(frames for frames, _ in by_link[link].values()),
+                "bytes": sum(size_bytes for _, size_bytes in by_link[link].values()),
+                "airtime_s": self._airtime_s(link, by_link[link]),
             }
             for link in self._engine.links
             if link in by_link
         }
 
-    def _airtime_s(self, link: str, frames: int, size_bytes: int) -> float | None:
-        """Return the airtime of frames by the bit rate of their link, s; None: unknown yet."""
+    def _airtime_s(self, link: str, counts: Mapping[Service, tuple[int, int]]) -> float | None:
+        """Return the airtime of frames by the bit rates of their link, s; None: unknown yet."""
         capabilities = self._engine.capabilities_of(link)
         if capabilities is None:
             return None
-        return round(
-            frames * capabilities.preamble_s + size_bytes * 8 / capabilities.bit_rate_bps, 3
-        )
+        airtime_ns = 0
+        for service, (frames, size_bytes) in counts.items():
+            none_ns = capabilities.airtime_ns(0, service)
+            airtime_ns += capabilities.airtime_ns(size_bytes, service) + (frames - 1) * none_ns
+        return round(ns_to_seconds(airtime_ns), 3)

@@ -5,6 +5,7 @@ from typing import Any
 
 import msgspec
 
+from zacoustic.app.tools.inspect.recordings.facts.framecolumns import FrameColumns
 from zacoustic.app.tools.inspect.recordings.facts.reactions import Reactions
 from zacoustic.core.base.linktypes import LinkCapabilities, PeerMeasured
 from zacoustic.core.streams.keys import Instance
@@ -111,9 +112,14 @@ class Handled(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Facts:
-    """All events; made by `gather`."""
+    """All events; made by `gather`.
 
-    def __init__(self) -> None:
+    Args:
+        lean: Keep what figures need alone.
+    """
+
+    def __init__(self, *, lean: bool = False) -> None:
+        self.is_lean = lean
         self.files: list[str] = []
         self.damage: dict[str, str] = {}
         """Why files end early."""
@@ -141,10 +147,12 @@ class Facts:
         """Commands refused by the engine, by stream."""
         self.outcomes: dict[int, dict[str, int]] = {}
         """Outcomes of reliable samples, by stream."""
-        self.frames: list[tuple[int, FrameRecord]] = []
+        self.frames: list[tuple[int, FrameRecord]] | FrameColumns = FrameColumns() if lean else []
         """Frames with their instants, UTC, ns; received ones with their end."""
         self.reports: list[tuple[int, ReportRecord]] = []
-        """Reports with the end of their transmission, UTC, ns."""
+        """Reports with the end of their transmission, UTC, ns; none if lean."""
+        self.report_counts: dict[int, dict[str, int]] = {}
+        """Number of reports by node and outcome."""
         self.measured: list[tuple[int, int, PeerMeasured]] = []
         """Measurements of modems besides frames: UTC, ns, the modem's node, the values."""
         self.spans_ns: dict[int, tuple[int, int]] = {}

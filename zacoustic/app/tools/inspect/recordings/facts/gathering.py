@@ -4,8 +4,9 @@ A recorded engine gives everything: requests, received samples, every frame. A r
 gives the frames of its gateways, and the samples that they received.
 """
 
+import hashlib
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -19,6 +20,7 @@ from zacoustic.app.tools.inspect.recordings.facts.facts import (
     Handled,
     Published,
 )
+from zacoustic.app.tools.inspect.recordings.facts.reactions import REACTIONS
 from zacoustic.core.base.linktypes import (
     LinkMetrics,
     Measurement,
@@ -43,17 +45,32 @@ from zacoustic.run.recording.reading import ReadMessage, RecordingReader
 from zacoustic.run.recording.samples import SAMPLES_TOPIC, TABLE_TOPIC, SampleRecord, decode_table
 
 
-def gather(paths: Iterable[str | Path]) -> Facts:
+def gather(
+    paths: Iterable[str | Path],
+    *,
+    lean: bool = False,
+    progress: Callable[[float], None] | None = None,
+) -> Facts:
     """Read recordings.
+
+    Args:
+        paths: The files.
+        lean: Keep what figures need alone: no values, no reactions, of a frame its numbers.
+        progress: Called with the share that has been read, 0…1.
 
     Raises:
         ConfigError: A file is no recording, or contains neither a gateway nor an engine.
     """
-    facts = Facts()
-    for path in paths:
+    facts = Facts(lean=lean)
+    paths = list(paths)
+    for number, path in enumerate(paths):
         source = RecordingReader(path, tells=False)
         facts.files.append(str(path))
-        add_messages(facts, source)
+        gatherer = _Gatherer(facts)
+        for count, message in enumerate(source):
+            gatherer.take(message)
+            if progress is not None and count % _SHOW_EACH == 0:
+                progress((number + source.share) / len(paths))
         if source.damage:
             facts.damage[str(path)] = source.damage
     if not (facts.tables or facts.frames or facts.arrived or facts.ledgers):
@@ -84,6 +101,18 @@ _COMMANDS: Final = (
 )  # fmt: skip
 
 
+_NEVER: Final = (0, 0)
+_DIGEST_BYTES: Final = 12
+_SHOW_EACH: Final = 4096
+_READ: Final = frozenset(
+    {
+        "poll_event", "publish", "call", "actions.send_goal", "declare", "handle_measurement",
+        *_COMMANDS, *REACTIONS,
+    }
+)  # fmt: skip
+"""The calls of an engine that are facts."""
+_FRAMES: Final = msgspec.json.Decoder(FrameRecord)
+_REPORTS: Final = msgspec.json.Decoder(ReportRecord)
 _HEAD_BYTES: Final = 40
 """The kind of an event is within this many bytes of its record."""
 
@@ -105,12 +134,16 @@ class _SealEvent(msgspec.Struct):
 class _Gatherer:
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
-        self._epochs = LifeReader()
+        self._epochs = LifeReader(_READ - REACTIONS if facts.is_lean else _READ)
+        self._places: dict[str, tuple[int | None, int | None, str]] = {}
+        """Whose a topic is, the node that its records name, and its last part."""
         self._offsets: dict[int, int] = {}
         self._calls: dict[tuple[int, object], Asked] = {}
         self._envelopes: dict[int, Envelope] = {}
         self._ranges: dict[tuple[int, int], int] = {}
         """When the newest range of each pair was measured, UTC, ns."""
+        self._books: dict[int, _Book] = {}
+        """The ledgers of gateways on a recorded network."""
         self._table: StreamTable | None = None
         """The table of a recording without boot epochs."""
 
@@ -119,36 +152,44 @@ class _Gatherer:
         if not facts.began_ns or message.utc_ns < facts.began_ns:
             facts.began_ns = message.utc_ns
         facts.ended_ns = max(facts.ended_ns, message.utc_ns)
-        node = message.node
-        if (whose := _WHOSE.match(message.topic)) is not None:
-            self._span(int(whose[1]), message.utc_ns)
+        place = self._places.get(message.topic)
+        if place is None:
+            found = _WHOSE.match(message.topic)
+            place = None if found is None else int(found[1]), message.node, message.name
+            self._places[message.topic] = place
+        whose, node, name = place
+        if whose is not None:
+            first_ns, last_ns = facts.spans_ns.get(whose, _NEVER)
+            if not first_ns <= message.utc_ns <= last_ns:
+                first_ns = min(first_ns or message.utc_ns, message.utc_ns)
+                facts.spans_ns[whose] = first_ns, max(last_ns, message.utc_ns)
         if message.topic == TABLE_TOPIC:
             self._take_table(message)
         elif message.topic == SAMPLES_TOPIC:
             self._take_sample(message)
-        elif message.name == "engine" and message.encoding == "msgpack":
+        elif name == "engine" and message.encoding == "msgpack":
             self._take_engine(message)
         elif node is not None and message.encoding == "json":
-            self._take_record(message, node)
-
-    def _span(self, node: int, utc_ns: int) -> None:
-        first_ns, last_ns = self._facts.spans_ns.get(node, (utc_ns, utc_ns))
-        self._facts.spans_ns[node] = min(first_ns, utc_ns), max(last_ns, utc_ns)
+            self._take_record(message, node, name)
 
     # Frames, reports, ledgers
 
-    def _take_record(self, message: ReadMessage, node: int) -> None:
+    def _take_record(self, message: ReadMessage, node: int, name: str) -> None:
         facts, data, is_network = self._facts, message.data, message.is_of_network
-        match message.name:
+        match name:
             case "frames":
-                frame = msgspec.json.decode(data, type=FrameRecord)
-                facts.frames += [(message.utc_ns, each) for each in self._named(frame)]
+                frame = _FRAMES.decode(data)
+                for each in self._named(frame):
+                    facts.frames.append((message.utc_ns, each))
                 if frame.direction == SENT:
                     sent_bytes = facts.sent_bytes.get(node, 0) + frame.size_bytes
                     facts.sent_bytes[node] = sent_bytes
             case "reports":
-                report = msgspec.json.decode(data, type=ReportRecord)
-                facts.reports.append((message.utc_ns, report))
+                report = _REPORTS.decode(data)
+                counts = facts.report_counts.setdefault(report.node, {})
+                counts[report.outcome] = counts.get(report.outcome, 0) + 1
+                if not facts.is_lean:
+                    facts.reports.append((message.utc_ns, report))
             case "links" | "link":
                 capabilities = capabilities_in(message)
                 if capabilities is not None:
@@ -158,7 +199,9 @@ class _Gatherer:
             case "events" if not is_network:
                 self._take_handled(message, node)
             case "ledger" if is_network:
-                facts.ledgers[node, 0] = msgspec.json.decode(data, type=_LedgerDocument).of(node)
+                told = msgspec.json.decode(data, type=_LedgerDocument)
+                book = self._books.setdefault(node, _Book())
+                facts.ledgers[node, 0] = book.take(told).of(node)
             case "ledger":
                 ledger = msgspec.json.decode(data, type=LedgerRecord)
                 facts.ledgers[node, ledger.epoch] = ledger
@@ -281,7 +324,7 @@ class _Gatherer:
                     at_ns=at_ns,
                     node=node,
                     stream_id=stream_id,
-                    value=call.arguments.get("value"),
+                    value=None if self._facts.is_lean else call.arguments.get("value"),
                     timeout_s=call.arguments.get("timeout_s"),
                 )
                 self._facts.asked.append(asked)
@@ -316,14 +359,14 @@ class _Gatherer:
         instance = arguments.get("instance", ())
         delete = bool(arguments.get("delete"))
         value = arguments.get("value")
-        payload = b"" if delete else _payload(stream, value)
+        payload = b"" if delete else self._kept(_payload(stream, value))
         published = Published(
             at_ns=at_ns,
             node=node,
             stream_id=stream.stream_id,
             instance=instance,
             payload=payload,
-            value=value,
+            value=None if self._facts.is_lean else value,
             delete=delete,
             encoding=arguments.get("encoding"),
         )
@@ -332,6 +375,8 @@ class _Gatherer:
     def _take_event(self, node: int, kind: str, said: dict[str, Any], utc_ns: int) -> None:
         if kind == "SampleReceived" and not said["deleted"]:
             self._arrive(node, said)
+        elif kind in ("RequestReceived", "GoalReceived") and self._facts.is_lean:
+            pass
         elif kind == "RequestReceived":
             stream_id = said["call"]["stream_id"]
             self._facts.reactions.note_question(
@@ -356,8 +401,15 @@ class _Gatherer:
         asked = self._calls.pop((node, name), None)
         if asked is not None:
             failure = said.get("failure")
-            asked.ended_at_ns, asked.answer = utc_ns, said.get("value")
+            asked.ended_at_ns = utc_ns
+            asked.answer = None if self._facts.is_lean else said.get("value")
             asked.failure = "" if failure is None else str(failure)
+
+    def _kept(self, payload: bytes) -> bytes:
+        """Return what is kept of a payload, to find its arrival."""
+        if not self._facts.is_lean or len(payload) <= _DIGEST_BYTES:
+            return payload
+        return hashlib.blake2b(payload, digest_size=_DIGEST_BYTES).digest()
 
     def _arrive(self, node: int, said: dict[str, Any]) -> None:
         stream = self._facts.tables[node].get(said["stream_id"])
@@ -365,7 +417,7 @@ class _Gatherer:
             return
         at_ns = said["received_at"] + self._offsets[node]
         instance = tuple(said["instance"])
-        payload = _payload(stream, said["value"])
+        payload = self._kept(_payload(stream, said["value"]))
         arrived = Arrived(
             at_ns=at_ns,
             node=node,
@@ -373,7 +425,7 @@ class _Gatherer:
             stream_id=stream.stream_id,
             instance=instance,
             payload=payload,
-            value=said["value"],
+            value=None if self._facts.is_lean else said["value"],
             age_s=said["age_s"],
         )
         self._facts.arrived.append(arrived)
@@ -390,6 +442,7 @@ class _LedgerEntry(msgspec.Struct):
     stream: str
     cause: str
     bytes: int
+    airtime_s: float | None = None
 
 
 class _LedgerDocument(msgspec.Struct):
@@ -404,12 +457,55 @@ class _LedgerDocument(msgspec.Struct):
                 stream=each.stream,
                 cause=each.cause,
                 transmitted_bytes=each.bytes,
+                airtime_s=each.airtime_s,
             )
             for each in self.entries
         )
         return LedgerRecord(
             node=node, epoch=0, frames=0, bytes=self.bytes, airtime_s=self.airtime_s, rows=rows
         )
+
+
+class _Book:
+    """The part of a gateway's ledger that belongs to the recorded time.
+
+    A gateway publishes its ledger since its start, which may be months ago; after a restart it
+    counts from zero.
+    """
+
+    def __init__(self) -> None:
+        self._last: _LedgerDocument | None = None
+        self._sum = _LedgerDocument(0, 0.0, [])
+
+    def take(self, told: _LedgerDocument) -> _LedgerDocument:
+        """Take the next document; return what was transmitted since the first one."""
+        last, self._last = self._last, told
+        if last is None:
+            return self._sum
+        if told.bytes < last.bytes:
+            last = _LedgerDocument(0, 0.0, [])  # another start
+        self._sum = _added(self._sum, told, last)
+        return self._sum
+
+
+def _added(whole: _LedgerDocument, told: _LedgerDocument, last: _LedgerDocument) -> _LedgerDocument:
+    """Return a ledger with what another one has more than its last state."""
+    rows = {(each.id, each.cause): each for each in whole.entries}
+    before = {(each.id, each.cause): each for each in last.entries}
+    for each in told.entries:
+        key = each.id, each.cause
+        nothing = msgspec.structs.replace(each, bytes=0, airtime_s=0.0)
+        was, so_far = before.get(key, nothing), rows.get(key, nothing)
+        rows[key] = msgspec.structs.replace(
+            each,
+            bytes=so_far.bytes + each.bytes - was.bytes,
+            airtime_s=(so_far.airtime_s or 0.0) + (each.airtime_s or 0.0) - (was.airtime_s or 0.0),
+        )
+    return _LedgerDocument(
+        whole.bytes + told.bytes - last.bytes,
+        whole.airtime_s + told.airtime_s - last.airtime_s,
+        [each for each in rows.values() if each.bytes],
+    )
 
 
 def _payload(stream: Stream, value: Any) -> bytes:  # noqa: ANN401 (as the application has it)

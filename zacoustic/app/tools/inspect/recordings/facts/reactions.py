@@ -17,6 +17,10 @@ _GOALS: Final = (
 )  # fmt: skip
 
 
+REACTIONS: Final = frozenset((*_REPLIES, *_GOALS))
+"""The calls of an engine that are reactions."""
+
+
 class Step(msgspec.Struct, frozen=True):
     """One action of a program."""
 

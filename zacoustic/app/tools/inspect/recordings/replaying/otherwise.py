@@ -252,7 +252,9 @@ class _Through:
         self._due_at = self._engine.poll_timeout()
 
     def _end_later(self, made: Transmission, now: int) -> None:
-        airtime_ns = self._airtimes.airtime_ns(len(made.frame_bytes)) if self._airtimes else 0
+        airtime_ns = (
+            self._airtimes.airtime_ns(len(made.frame_bytes), made.service) if self._airtimes else 0
+        )
         heapq.heappush(self._ends, (now + airtime_ns, made.transmission_id, now))
 
     def _note(self, event: Event | None) -> None:

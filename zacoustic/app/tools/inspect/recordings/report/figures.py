@@ -5,11 +5,13 @@ Guarantees: the bytes of a node are those of its frames, and its ledger equals t
 nodes if they differ.
 """
 
+from collections.abc import Mapping
 from typing import Final
 
 import msgspec
 
 from zacoustic.app.tools.inspect.recordings.facts.facts import Facts, Handled, Published, match
+from zacoustic.app.tools.inspect.recordings.facts.framecolumns import FrameColumns
 from zacoustic.app.tools.inspect.recordings.report.linkfigures import LinkFigures, links_of
 from zacoustic.app.tools.inspect.recordings.report.spread import Spread, spread_of
 from zacoustic.app.tools.inspect.recordings.report.thinning import left_out
@@ -55,7 +57,7 @@ class StreamFigures(msgspec.Struct, kw_only=True):
     transmitted_bytes: int = 0
     """Bytes given to the links, with headers and repetitions."""
     airtime_s: float = 0.0
-    """Its share of the airtime, by bytes, s."""
+    """Its share of the airtime in the recorded time, s."""
 
 
 class NodeFigures(msgspec.Struct, kw_only=True):
@@ -113,7 +115,8 @@ class Figures(msgspec.Struct, kw_only=True):
 def figures_of(facts: Facts) -> Figures:
     """Compute the figures."""
     match(facts)
-    nodes = [_node(facts, node) for node in facts.nodes]
+    sent = _sent(facts)
+    nodes = [_node(facts, node, sent) for node in facts.nodes]
     figures = Figures(
         files=facts.files,
         began_utc_ns=facts.began_ns,
@@ -176,7 +179,10 @@ def _streams(facts: Facts) -> list[StreamFigures]:
         for row in ledger.rows:
             if row.stream_id != NO_STREAM and row.stream_id in found:
                 found[row.stream_id].transmitted_bytes += row.transmitted_bytes
-                found[row.stream_id].airtime_s += row.transmitted_bytes * per_byte_s
+                own_s = row.airtime_s
+                found[row.stream_id].airtime_s += (
+                    row.transmitted_bytes * per_byte_s if own_s is None else own_s
+                )
     return list(found.values())
 
 
@@ -192,16 +198,26 @@ def _kind(stream: Stream) -> str:
     return "action" if isinstance(stream.spec, ActionSpec) else "topic"
 
 
-def _node(facts: Facts, node: int) -> NodeFigures:
-    found = NodeFigures(node=node, epochs=facts.epochs.get(node, 0))
+def _sent(facts: Facts) -> dict[int, tuple[int, int, float]]:
+    """Return number, bytes and airtime, s, of each node's frames."""
+    if isinstance(facts.frames, FrameColumns):
+        return facts.frames.sent()
+    found: dict[int, tuple[int, int, float]] = {}
     for _, frame in facts.frames:
-        if frame.node == node and frame.direction == SENT:
-            found.frames += 1
-            found.frame_bytes += frame.size_bytes
-            found.airtime_s += frame.airtime_s or 0.0
-    for _, report in facts.reports:
-        if report.node == node:
-            found.outcomes[report.outcome] = found.outcomes.get(report.outcome, 0) + 1
+        if frame.direction == SENT:
+            frames, size_bytes, airtime_s = found.get(frame.node, (0, 0, 0.0))
+            found[frame.node] = (
+                frames + 1,
+                size_bytes + frame.size_bytes,
+                airtime_s + (frame.airtime_s or 0.0),
+            )
+    return found
+
+
+def _node(facts: Facts, node: int, sent: Mapping[int, tuple[int, int, float]]) -> NodeFigures:
+    found = NodeFigures(node=node, epochs=facts.epochs.get(node, 0))
+    found.frames, found.frame_bytes, found.airtime_s = sent.get(node, (0, 0, 0.0))
+    found.outcomes = dict(facts.report_counts.get(node, {}))
     for (whose, _), ledger in facts.ledgers.items():
         if whose == node:
             rows = sum(row.transmitted_bytes for row in ledger.rows)

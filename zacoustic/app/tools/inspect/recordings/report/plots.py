@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Final
 
 from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
 from zacoustic.app.tools.inspect.recordings.report.figures import Figures
-from zacoustic.app.tools.inspect.recordings.report.linkfigures import numbers_of
+from zacoustic.app.tools.inspect.recordings.report.linkfigures import losses_over_time, numbers_of
 from zacoustic.app.tools.pages.plots import Plot, draw, label, need_matplotlib
 from zacoustic.run.recording.channels import SENT
 
@@ -86,12 +86,12 @@ def _utilisation(axes: "Axes", facts: Facts) -> bool:
         return False
     bottoms = [0.0] * _BINS
     edges = [width_s * (index + 0.5) for index in range(_BINS)]
-    for node in facts.nodes:
-        shares = [0.0] * _BINS
-        for utc_ns, frame in facts.frames:
-            if frame.node == node and frame.direction == SENT:
-                index = min(_BINS - 1, int(_since(facts, utc_ns) / width_s))
-                shares[index] += (frame.airtime_s or 0.0) / width_s
+    rows = {node: [0.0] * _BINS for node in facts.nodes}
+    for utc_ns, frame in facts.frames:
+        if frame.direction == SENT:
+            index = min(_BINS - 1, int(_since(facts, utc_ns) / width_s))
+            rows[frame.node][index] += (frame.airtime_s or 0.0) / width_s
+    for node, shares in rows.items():
         axes.bar(edges, shares, width=width_s, bottom=bottoms, label=f"node {node}")
         bottoms = [below + share for below, share in zip(bottoms, shares, strict=True)]
     _time_axis(axes)
@@ -107,38 +107,20 @@ def _metric(axes: "Axes", facts: Facts, name: str) -> bool:
 
 
 def _loss(axes: "Axes", facts: Facts) -> bool:
-    width_s = facts.duration_s / (_BINS // 2)
-    recorded = facts.nodes
-    if width_s <= 0 or len(recorded) < 2:
+    bins = _BINS // 2
+    width_s = facts.duration_s / bins
+    if width_s <= 0 or len(facts.nodes) < 2:
         return False
-    sent: dict[tuple[int, int], list[int]] = {}
-    heard: dict[tuple[int, int], list[int]] = {}
-    for utc_ns, frame in facts.frames:
-        index = min(_BINS // 2 - 1, int(_since(facts, utc_ns) / width_s))
-        hearers = recorded if frame.direction == SENT else [frame.node]
-        for node in hearers:
-            if node == frame.source or frame.destination not in (node, 255):
-                continue
-            if not facts.is_recorded(node, utc_ns):
-                continue
-            counts = sent if frame.direction == SENT else heard
-            row = counts.setdefault((frame.source, node), [0] * (_BINS // 2))
-            row[index] += 1
-    for pair, row in sorted(sent.items()):
-        got = heard.get(pair, [0] * len(row))
-        points = [
-            (width_s * (index + 0.5), max(0.0, 1 - got[index] / number))
-            for index, number in enumerate(row)
-            if number
-        ]
-        link = f"{pair[0]} to {pair[1]}"
-        xs, ys = [x for x, _ in points], [y for _, y in points]
-        axes.plot(xs, ys, marker=".", linewidth=1, label=link)
+    lost = losses_over_time(facts, bins)
+    for (source, node), row in lost.items():
+        xs = [width_s * (index + 0.5) for index, _ in row]
+        ys = [share for _, share in row]
+        axes.plot(xs, ys, marker=".", linewidth=1, label=f"{source} to {node}")
     axes.set_ylim(0, 1)
     _time_axis(axes)
-    if sent:
+    if lost:
         axes.legend(fontsize=8)
-    return bool(sent)
+    return bool(lost)
 
 
 def _causes(axes: "Axes", figures: Figures) -> bool:
