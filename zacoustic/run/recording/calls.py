@@ -20,6 +20,7 @@ from zacoustic.core.values.types import TypeSpec
 from zacoustic.core.values.types.scalars import enum_name
 from zacoustic.errors import ConfigError
 from zacoustic.run.recording.life import exact_spec
+from zacoustic.run.recording.version import of_another_version
 
 TYPES: Final = "zacoustic_types"
 """Additional argument of a recorded `declare`: the types of the table."""
@@ -131,10 +132,16 @@ class CallReader:
 
     Args:
         names: Names of the calls by number.
+        program: Version of the program that recorded them.
+        skips: Leave out calls that this program cannot read, in place of an error.
     """
 
-    def __init__(self, names: Sequence[str]) -> None:
+    def __init__(self, names: Sequence[str], *, program: str = "", skips: bool = False) -> None:
         self._names = names
+        self._program = program
+        self._skips = skips
+        self.skipped = 0
+        """How many calls were left out."""
         self._parameters: dict[str, dict[str, Any]] = {}
         self._decoder = msgspec.msgpack.Decoder(list[tuple[int, dict[str, Any], msgspec.Raw]])
 
@@ -147,9 +154,18 @@ class CallReader:
         try:
             for number, arguments, outcome in self._decoder.decode(data):
                 name = self._names[number]
-                yield Recorded(name, self._typed(name, arguments), bytes(outcome))
-        except (msgspec.DecodeError, ValueError, IndexError, RecursionError) as error:
-            raise ConfigError(f"a call of the engine cannot be read: {error}") from error
+                try:
+                    typed = self._typed(name, arguments)
+                except (msgspec.ValidationError, ConfigError):
+                    if not self._skips:
+                        raise
+                    self.skipped += 1
+                    continue
+                yield Recorded(name, typed, bytes(outcome))
+        except (msgspec.DecodeError, ValueError, IndexError, RecursionError, ConfigError) as error:
+            raise of_another_version(
+                self._program, f"a call of the engine cannot be read, {error}"
+            ) from error
 
     def _typed(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
         parameters = self._parameters.get(name)

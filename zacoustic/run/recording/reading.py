@@ -9,6 +9,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.errors import ConfigError
+from zacoustic.run.recording.version import version_in
 from zacoustic.text.digits import whole_number
 from zacoustic.text.installing import with_extra
 
@@ -67,6 +68,8 @@ class RecordingReader:
         self.damage = ""
         """Why reading stopped early: the file is unfinished or damaged; empty: it is whole. Valid
         after reading."""
+        self.program = ""
+        """Version of the program that made the file; empty: another program, or not yet read."""
         try:
             with self.path.open("rb") as file:
                 head = file.read(len(MAGIC))
@@ -83,7 +86,7 @@ class RecordingReader:
 
     def __iter__(self) -> Iterator[ReadMessage]:
         """Read all messages up to the first damage, which `damage` names."""
-        from mcap.records import Channel, Message
+        from mcap.records import Channel, Header, Message
         from mcap.stream_reader import StreamReader
 
         channels: dict[int, Channel] = {}
@@ -100,7 +103,9 @@ class RecordingReader:
                     return
                 if record is None:
                     return
-                if isinstance(record, Channel):
+                if isinstance(record, Header):
+                    self.program = version_in(record.library)
+                elif isinstance(record, Channel):
                     channels[record.id] = record
                 elif isinstance(record, Message) and record.channel_id in channels:
                     channel = channels[record.channel_id]

@@ -54,6 +54,7 @@ def gather(paths: Iterable[str | Path]) -> Facts:
         source = RecordingReader(path, tells=False)
         facts.files.append(str(path))
         add_messages(facts, source)
+        facts.programs[str(path)] = source.program
         if source.damage:
             facts.damage[str(path)] = source.damage
     if not (facts.tables or facts.frames or facts.arrived or facts.ledgers):
@@ -72,6 +73,7 @@ def add_messages(facts: Facts, messages: Iterable[ReadMessage]) -> None:
     gatherer = _Gatherer(facts)
     for message in messages:
         gatherer.take(message)
+    facts.unread += gatherer.unread
 
 
 # The node of a message, and the node that a measurement is about.
@@ -105,7 +107,7 @@ class _SealEvent(msgspec.Struct):
 class _Gatherer:
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
-        self._epochs = LifeReader()
+        self._epochs = LifeReader(skips=True)
         self._offsets: dict[int, int] = {}
         self._calls: dict[tuple[int, object], Asked] = {}
         self._envelopes: dict[int, Envelope] = {}
@@ -113,6 +115,11 @@ class _Gatherer:
         """When the newest range of each pair was measured, UTC, ns."""
         self._table: StreamTable | None = None
         """The table of a recording without boot epochs."""
+
+    @property
+    def unread(self) -> int:
+        """How many calls could not be read."""
+        return self._epochs.skipped
 
     def take(self, message: ReadMessage) -> None:
         facts = self._facts
@@ -246,7 +253,12 @@ class _Gatherer:
     # A recorded engine
 
     def _take_engine(self, message: ReadMessage) -> None:
-        part = self._epochs.read(message)
+        try:
+            part = self._epochs.read(message)
+        except ConfigError as error:  # frames and ledgers are read all the same
+            if str(error) not in self._facts.faults:
+                self._facts.faults.append(str(error))
+            return
         if isinstance(part, NewLife):
             node = part.life.address
             table = self._facts.tables[node] = part.life.table.table()
