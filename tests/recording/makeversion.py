@@ -2,8 +2,8 @@
 
     python -m tests.recording.makeversion 1.2.3
 
-`tests/recording/versions` keeps one of each released version, by its name. Without an argument it is
-`unreleased`, for the time before the first. `test_versions.py` reads them all.
+`tests/recording/versions` keeps one of each released version, by its name. Without an argument it
+is `unreleased`, for the time before the first. `test_versions.py` reads them all.
 """
 
 import sys
