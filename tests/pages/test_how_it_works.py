@@ -20,7 +20,7 @@ QUESTIONS: Final = (
     (
         "What does an idle system transmit?",
         "Nothing: no timer, no discovery, no heartbeat unless you ask for it.",
-        ("an idle system transmits nothing", "nobody notices by default"),
+        ("an idle system transmits nothing", "Nobody notices by default"),
     ),
     (
         "What does a best-effort sample cost beside its payload, and why?",
@@ -50,7 +50,7 @@ QUESTIONS: Final = (
     (
         "What does a call cost beside its payloads?",
         "Two bytes each for request, answer and confirm.",
-        ("2 bytes each for request, answer, confirm",),
+        ("2 bytes, three times", "2 bytes each for request, answer and confirm"),
     ),
     (
         "How long does a photo of 10 KiB take, and does a stop wait for it?",
@@ -60,7 +60,7 @@ QUESTIONS: Final = (
     (
         "The gateway is killed and starts again: what is lost?",
         "Without a journal its samples; with one, samples of journalled streams and goals go on.",
-        ("streams with `journal: true`, and goals, go on", "its samples are forgotten"),
+        ("streams with `journal: true`, and goals, go on", "Its samples are forgotten"),
     ),
     (
         "The other vehicle has an older file: what happens?",
