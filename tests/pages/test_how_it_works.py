@@ -44,7 +44,7 @@ QUESTIONS: Final = (
     ),
     (
         "A call has timed out: may I repeat it?",
-        "It may have been executed, once; only its answer was lost. Repeat it if twice is harmless.",
+        "It may have been executed, once, and its answer lost. Repeat it if twice is harmless.",
         ("A call that times out may have been executed", "executed at most once"),
     ),
     (
