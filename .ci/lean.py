@@ -10,8 +10,7 @@ everything.
 import ast
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
-from shutil import rmtree
-from tempfile import mkdtemp
+from tempfile import TemporaryDirectory
 from typing import Any, Final
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
@@ -27,16 +26,15 @@ class LeanHook(BuildHookInterface[Any]):
     """Puts leaner copies of the modules into the wheel."""
 
     PLUGIN_NAME = "lean"
-
-    def __init__(self, *arguments: Any, **settings: Any) -> None:  # noqa: ANN401 (hatchling's)
-        super().__init__(*arguments, **settings)
-        self._copies = Path(mkdtemp(prefix="lean-"))
+    _copies: "TemporaryDirectory[str] | None" = None
+    """Where the copies are; made for a wheel only, gone at the latest with the process."""
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Replace files of the wheel; an editable install has none."""
         if version != "standard":
             return
-        root, copies = Path(self.root), self._copies
+        self._copies = TemporaryDirectory(prefix="lean-")
+        root, copies = Path(self.root), Path(self._copies.name)
         included = build_data["force_include"]
         places: dict[str, Path] = {}
         for package in self.build_config.packages:
@@ -54,7 +52,8 @@ class LeanHook(BuildHookInterface[Any]):
 
     def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
         """Remove the copies."""
-        rmtree(self._copies, ignore_errors=True)
+        if self._copies is not None:
+            self._copies.cleanup()
 
 
 def explained_modules(sources: dict[str, str]) -> set[str]:

@@ -17,7 +17,10 @@ is skipped unless `ZACOUSTIC_HW` names a modem.
 import gc
 import math
 import os
+import shutil
+import tempfile
 from collections.abc import Callable
+from pathlib import Path
 from typing import Final
 
 import hypothesis
@@ -59,6 +62,27 @@ def sized() -> Callable[..., int]:
         return full if SOAK else share
 
     return one
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give tests, and all programs that they start, a home of their own.
+
+    Libraries write settings and caches into the home, one of them even into git's configuration.
+    Processes of pytest-xdist inherit the home of the one that has started them.
+    """
+    if hasattr(config, "workerinput"):
+        return
+    home = Path(tempfile.mkdtemp(prefix="zacoustic-home-"))
+    config.add_cleanup(lambda: shutil.rmtree(home, ignore_errors=True))
+    # What is read of the user's: where pip finds an index, and whose checkouts git trusts.
+    for name in (".config/pip/pip.conf", ".gitconfig"):
+        if (settings := Path.home() / name).exists():
+            (home / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(settings, home / name)
+    os.environ.setdefault("PIP_CACHE_DIR", str(Path(__file__).parents[1] / ".venv-cache" / "pip"))
+    os.environ["HOME"] = str(home)
+    for name in ("XDG_CONFIG_HOME", "XDG_CACHE_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME"):
+        os.environ.pop(name, None)
 
 
 # Engines make many objects of which few go in circles: to look for circles so often takes time.

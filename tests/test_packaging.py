@@ -72,8 +72,10 @@ pytestmark = pytest.mark.timeout(900)  # downloads
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("dist")
-    run(sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT))
+    folder, temporary = tmp_path_factory.mktemp("dist"), tmp_path_factory.mktemp("temporary")
+    command = [sys.executable, "-m", "build", "--outdir", str(folder), str(ROOT)]
+    run(*command, TMPDIR=str(temporary))
+    assert [*temporary.glob("*")] == []
     return next(folder.glob("*.whl"))
 
 
@@ -211,10 +213,10 @@ def test_what_the_pages_and_the_errors_advise_to_install_can_be_installed(
 
 @pytest.mark.skipif(os.name == "nt", reason="a script of sh")
 def test_a_bundle_is_installed_from_its_folder_alone(wheel: Path, tmp_path: Path) -> None:
-    bundle = tmp_path / "a ship's disk"
-    script = [str(ROOT / ".ci" / "bundle.py"), "--extras", "", "--output", str(bundle)]
+    disk = tmp_path / "a ship's disk"
+    script = [str(ROOT / ".ci" / "bundle.py"), "--extras", "", "--output", str(disk)]
     run(sys.executable, *script, "--wheel", str(wheel))
-    command = ["/bin/sh", str(bundle / "install.sh"), str(tmp_path / "environment")]
+    command = ["/bin/sh", str(disk / "install.sh"), str(tmp_path / "environment")]
     # No index, no PATH with a pip: a lonely Python.
     lonely = {"PYTHON": sys.executable, "PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
     lonely |= {"PIP_INDEX_URL": "http://127.0.0.1:9/"}
@@ -231,11 +233,53 @@ def test_a_bundle_is_installed_from_its_folder_alone(wheel: Path, tmp_path: Path
     )
     assert wrong.returncode == 1
     assert "(tried false)" in wrong.stderr
-    with next(bundle.glob("wheels/msgspec-*.whl")).open("ab") as damaged:
+    with next(disk.glob("wheels/msgspec-*.whl")).open("ab") as damaged:
         damaged.write(b"x")
     refused = subprocess.run(command, env=lonely, capture_output=True, text=True, check=False)
     assert refused.returncode == 1
     assert "damaged" in refused.stderr
+
+
+def test_a_bundle_replaces_nothing_that_is_none(tmp_path: Path) -> None:
+    (tmp_path / "history").mkdir()
+    (tmp_path / "history" / "thesis.txt").write_text("years of work")
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "history")
+    for where in (".", "history", "history/thesis.txt", "link"):
+        done = bundle(tmp_path, "--output", where)
+        assert done.returncode == 2, where
+        assert "is no bundle; allowed: a new folder, an empty one, or" in done.stderr
+    assert (tmp_path / "history" / "thesis.txt").read_text() == "years of work"
+
+
+def test_an_unknown_extra_of_a_bundle_is_refused_by_its_name(tmp_path: Path) -> None:
+    done = bundle(tmp_path, "--extras", "gateway,rosy", "--output", "new")
+    assert done.returncode == 2
+    assert "--extras: rosy; allowed: all, campaign, channel, " in done.stderr
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_a_bundle_that_fails_leaves_the_older_one(tmp_path: Path) -> None:
+    older = tmp_path / "older"
+    (older / "wheels").mkdir(parents=True)
+    for name in ("install.sh", "SHA256SUMS", "wheels/zacoustic-0.1.0-py3-none-any.whl"):
+        (older / name).write_text("good")
+    broken = tmp_path / "zacoustic-0.2.0-py3-none-any.whl"
+    broken.write_text("no wheel")
+    done = bundle(tmp_path, "--wheel", str(broken), "--output", "older")
+    assert done.returncode == 1
+    assert "an older bundle is as it was" in done.stderr
+    assert {path.name for path in tmp_path.iterdir()} == {"older", broken.name}
+    assert all(path.read_text() == "good" for path in older.rglob("*") if path.is_file())
+
+
+def bundle(folder: Path, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    """Type `make bundle` in a folder; nobody answers as an index."""
+    return subprocess.run(
+        [sys.executable, str(ROOT / ".ci" / "bundle.py"), *arguments], cwd=folder,
+        env={**os.environ, "PIP_INDEX_URL": "http://127.0.0.1:9/", "PIP_RETRIES": "0"},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
 
 
 def requirements(wheel: Path) -> list[str]:
@@ -278,12 +322,13 @@ def install(python: Path, *arguments: str) -> None:
     run(sys.executable, "-m", "pip", "--python", str(python), "install", "--quiet", *arguments)
 
 
-def run(*command: str) -> str:
+def run(*command: str, **environment: str) -> str:
     """Run a command away from the checkout, and give what it prints on standard output."""
+    ours = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     process = subprocess.run(
         command,
         cwd=Path(command[0]).parent,
-        env={name: value for name, value in os.environ.items() if name != "PYTHONPATH"},
+        env={**ours, **environment},
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

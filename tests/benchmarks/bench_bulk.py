@@ -32,9 +32,13 @@ import statistics
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Final
 
 import msgspec
+
+# Run as a file, the project's root is not on the path.
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from examples.auv.linkwatch import LinkWatch
 from tests.links.evologics.driver.crew import CrewedSea, CrewNode

@@ -1,11 +1,13 @@
 """Bytes on the air (`bytes_on_air`): what a vehicle's telemetry costs, beside what others need.
 
 Missions are measured with a model that was fitted to the *other* missions. Without FOLDER they are
-made up (tests/telemetry); with it they are read from files, and logs of real vehicles found there
-are coded online, with no model at all. Sizes are of whole dense frames: marker, kind, name of the
-reference, check. Every frame that arrives is decoded and compared with what was sent.
+held out (tests/telemetry/heldout): the coder was made with others. FOLDER may be another one; logs
+of real vehicles found there are coded online, with no model at all. `--missions N` makes up those
+that the coder was made with. Sizes are of whole dense frames: marker, kind, name of the reference,
+check. Every frame that arrives is decoded and compared with what was sent. Below stands the bound:
+what no coder could go below (tests/telemetry/bound.py).
 
-    python -m tests.benchmarks.bench_bytes_on_air [FOLDER] [--missions N] [--strict]
+    python tests/benchmarks/bench_bytes_on_air.py [FOLDER] [--missions N] [--strict]
 """
 
 import argparse
@@ -29,6 +31,7 @@ from tests.telemetry.baselines import (
     json_bytes,
     rmw_desert_bytes,
 )
+from tests.telemetry.bound import bound_bytes
 from tests.telemetry.crossing import WAYS, Way, cross
 from tests.telemetry.exchange import LISTENER, dense_samples, exchange
 from tests.telemetry.mission import Mission
@@ -60,6 +63,8 @@ OTHERS: Final[tuple[Callable[[TypeSpec, dict[str, object]], int], ...]] = (
     json_bytes,
     dccl_bytes,
 )
+HELD_OUT: Final = Path(__file__).parents[1] / "telemetry" / "heldout"
+BOUNDED: Final = ("nav", "ctd", "status", "cmd", "pose", "usbl")
 _NAV_PERIOD_S: Final = 5.0
 GLIDERS: Final = ("slocum", "seaexplorer")
 
@@ -84,14 +89,16 @@ class Row(msgspec.Struct):
 def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", nargs="?", type=Path, help="recordings, *.jsonl.gz")
-    parser.add_argument("--missions", type=int, default=3, help="made-up missions (default 3)")
+    parser.add_argument(
+        "folder", nargs="?", type=Path, default=HELD_OUT, help="recordings, *.jsonl.gz (held out)"
+    )
+    parser.add_argument("--missions", type=int, default=0, help="so many of the tests' instead")
     parser.add_argument("--strict", action="store_true", help="exit with 1 when a target is missed")
     arguments = parser.parse_args()
-    found = recordings_in(arguments.folder) if arguments.folder else []
+    found = [] if arguments.missions else recordings_in(arguments.folder)
     missions: list[Recording | Mission] = [each for each in found if not each.is_real]
     real = [each for each in found if each.is_real]
-    if not missions:
+    if arguments.missions:
         missions = [Mission(seed) for seed in range(1, arguments.missions + 1)]
     rows: dict[str, list[Row]] = defaultdict(list)
     for place, mission in enumerate(missions):
@@ -112,6 +119,7 @@ def main() -> int:
         others_text = "".join(f"{each:7.1f}" for each in row.others)
         sign, verdict = ("≥" if row.is_least else "≤"), ("holds" if row.holds else "MISSED")
         print(f"{row.name:44}{row.value:8.2f}{sign:>2}{row.target:6g}  {verdict:7}{others_text}")
+    print_bounds(missions)
     print_speed(missions[0])
     return 1 if arguments.strict and not all(row.holds for row in table) else 0
 
@@ -221,6 +229,19 @@ def mean_row(rows: Sequence[Row]) -> Row:
     return msgspec.structs.replace(
         first, value=max(values) if is_worst else _mean(values), others=others
     )
+
+
+def print_bounds(missions: Sequence[Recording | Mission]) -> None:
+    """Print the bound of each message, bytes."""
+    print()
+    for name in BOUNDED:
+        found = [bound_bytes(each.types[name], values_of(each, name)) for each in missions]
+        print(f"bound of {name}: {_mean(found):.1f} B")
+
+
+def values_of(mission: Recording | Mission, name: str) -> list[dict[str, object]]:
+    """Return the samples of a stream."""
+    return [value for _, stream, value in mission.samples if stream == name]
 
 
 def print_speed(mission: Recording | Mission) -> None:

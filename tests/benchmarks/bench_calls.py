@@ -10,6 +10,10 @@ the last two columns are the mean bytes of a seal, and what they are where nothi
 
 import argparse
 import sys
+from pathlib import Path
+
+# Run as a file, the project's root is not on the path.
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.virtual.callload import Load, carry_calls
 

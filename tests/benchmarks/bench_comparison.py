@@ -1,6 +1,6 @@
 """The figures of docs/comparison.md, in its order: what can be measured or calculated here.
 
-Made-up missions (tests/telemetry), each with a model of the two others. Sizes of DCCL and
+Held-out missions (tests/telemetry/heldout), each with a model of the two others. Sizes of DCCL and
 rmw_desert follow their rules (tests/telemetry/baselines.py). ltcodecs is asked itself if it is
 installed: `pip install ltcodecs==4.5.1` beside the tests. Two minutes.
 
@@ -22,14 +22,14 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 from tests.pages.blocks import blocks_of
 from tests.telemetry.baselines import cbor_map_bytes, dccl_bytes, quantised, rmw_desert_bytes
 from tests.telemetry.exchange import dense_samples, exchange
-from tests.telemetry.mission import Mission
+from tests.telemetry.recording import Recording, recordings_in
 from tests.telemetry.streams import STREAM_IDS, UPLINK, by_id
 from tests.virtual.test_objects import percentage
 from zacoustic.channel.profiles import profile_named
 from zacoustic.core.values.dense import DenseCodec, DenseSample, Model, fit
 from zacoustic.core.values.types import FieldSpec, TypeSpec
 
-MISSIONS: Final = 3
+HELD_OUT: Final = Path(__file__).parents[1] / "telemetry" / "heldout"
 WINDOW_S: Final = 10.0
 MODEM: Final = profile_named("evologics_s2c_18_34")
 
@@ -47,7 +47,7 @@ Size = Callable[[TypeSpec, Mapping[str, Any]], int]
 def main() -> int:
     """Print the tables."""
     seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    missions = [Mission(seed) for seed in range(1, MISSIONS + 1)]
+    missions = recordings_in(HELD_OUT)
     models = [model_of([each for each in missions if each is not one]) for one in missions]
 
     print("one nav message in a frame of its own, bytes")
@@ -89,7 +89,7 @@ def lines_of_the_front_page() -> int:
     return len([line for line in program.text.splitlines() if line and not line.startswith("#")])
 
 
-def model_of(missions: Sequence[Mission]) -> Model:
+def model_of(missions: Sequence[Recording]) -> Model:
     """Fit a model to missions."""
     return fit(
         (by_id(each.types), [(t, STREAM_IDS[name], v) for t, name, v in each.samples])
@@ -97,7 +97,7 @@ def model_of(missions: Sequence[Mission]) -> Model:
     )
 
 
-def dense_nav(mission: Mission, model: Model) -> float:
+def dense_nav(mission: Recording, model: Model) -> float:
     """Return the mean size of a frame with one nav message, every frame acknowledged."""
     alone = [[each] for each in dense_samples(mission.samples, ("nav",))]
     codec = DenseCodec(by_id(mission.types), model=model)
@@ -106,7 +106,7 @@ def dense_nav(mission: Mission, model: Model) -> float:
     return counters.mean
 
 
-def dense_report(mission: Mission, model: Model) -> float:
+def dense_report(mission: Recording, model: Model) -> float:
     """Return the mean size of a frame with ten seconds of reports, without acknowledgements."""
     windows: dict[int, list[DenseSample]] = defaultdict(list)
     times = [t for t, name, _ in mission.samples if name in UPLINK]
@@ -115,7 +115,7 @@ def dense_report(mission: Mission, model: Model) -> float:
     return exchange(DenseCodec(by_id(mission.types), model=model), list(windows.values())).mean
 
 
-def report(mission: Mission, size: Size) -> float:
+def report(mission: Recording, size: Size) -> float:
     """Return the mean size of ten seconds of reports, each message by itself."""
     windows: dict[int, int] = defaultdict(int)
     for t, name, value in mission.samples:
@@ -124,7 +124,7 @@ def report(mission: Mission, size: Size) -> float:
     return mean(windows.values())
 
 
-def mean_size(missions: Sequence[Mission], size: Size) -> float:
+def mean_size(missions: Sequence[Recording], size: Size) -> float:
     """Return the mean size of a nav message of other systems."""
     return mean(
         size(mission.types["nav"], value)

@@ -27,9 +27,13 @@ import json
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any, Final
 
 import msgspec
+
+# Run as a file, the project's root is not on the path.
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.links.evologics.driver.crew import CrewedSea, CrewNode
 from tests.links.evologics.driver.sea import Node, Sea

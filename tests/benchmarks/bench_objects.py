@@ -8,6 +8,10 @@ ways, unknown to the sender. Exits 1 when one is below what is promised.
 
 import statistics
 import sys
+from pathlib import Path
+
+# Run as a file, the project's root is not on the path.
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.core.objects.medium import confirmation_s
 from tests.virtual.test_objects import percentage

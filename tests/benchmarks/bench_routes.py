@@ -11,7 +11,11 @@ figure is worse than promised.
 import random
 import statistics
 import sys
+from pathlib import Path
 from typing import NamedTuple
+
+# Run as a file, the project's root is not on the path.
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.virtual.lineoffive import APART_M, FIX, NODES, PLAN, LineOfFive, table
 from zacoustic.channel.scenario import NodeSpec, Scenario

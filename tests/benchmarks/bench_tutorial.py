@@ -33,7 +33,8 @@ def commands() -> tuple[list[str], list[str]]:
     install = [block.text for block in blocks if block.language == "console"]
     rest = [block.text for block in blocks if block.language == "sh"]
     return (
-        [line for text in install for line in text.splitlines()],
+        # Packages of the system are there, or nothing here would run.
+        [line for text in install for line in text.splitlines() if not line.startswith("sudo ")],
         [line for text in rest for line in commands_of(text)],
     )
 

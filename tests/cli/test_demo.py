@@ -95,7 +95,9 @@ def test_an_unknown_link_is_refused_with_those_that_are_there(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["run", "demo", "--link", "tea"]) == 2
-    assert "'sim', 'evologics', 'evologics-serial', 'desert'" in capsys.readouterr().err
+    assert (
+        "--link tea; allowed: sim, evologics, evologics-serial, desert" in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize("duration", ["5", "600", "nan"])

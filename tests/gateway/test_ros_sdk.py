@@ -108,8 +108,8 @@ async def peer(stack: AsyncExitStack, port: int, folder: Path) -> Peer:
         str(folder),
         stdin=asyncio.subprocess.PIPE,
         stdout=asyncio.subprocess.PIPE,
-        # Else it looks for definitions on the net.
-        env={**os.environ, "GIT_ALLOW_PROTOCOL": "none"},
+        # Else it looks for definitions on the net, and changes the user's git configuration.
+        env={**os.environ, "GIT_ALLOW_PROTOCOL": "none", "HOME": str(folder)},
     )
     started = Peer(process)
     stack.push_async_callback(started.close)

@@ -114,7 +114,7 @@ def test_verb_commands_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> N
         (["resume", "--for", "3s"], "--for 3s; allowed: not with resume"),
         (["--node", "300"], "--node 300; allowed: 1..254"),
         (["--timeout", "0"], "--timeout 0.0; allowed: above 0"),
-        (["stop"], "invalid choice: 'stop'"),
+        (["stop"], "command stop; allowed: resume, until-resumed"),
     ],
 )
 def test_arguments_that_are_wrong(

@@ -1,8 +1,8 @@
-"""A vector that has changed is a changed wire: this test fails first.
+"""A vector that has changed is a changed wire: this test fails first, so that nobody overlooks it.
 
-Version 2 is frozen (section 20 of docs/wire.md). `FROZEN` has the SHA-256 of each file of vectors:
-no file changes any more. New vectors of version 2 go into new files; anything else is version 3,
-with files of its own. `python -m tests.golden.test_frozen` prints the digests as they are now.
+Section 20 of docs/wire.md says when the wire may change. `FROZEN` has the SHA-256 of each file of
+vectors; who changes one on purpose puts its new digest here.
+`python -m tests.golden.test_frozen` prints the digests as they are now.
 """
 
 import hashlib

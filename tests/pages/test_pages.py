@@ -13,7 +13,7 @@ import jsonschema
 import pytest
 
 from tests.pages.blocks import PAGES, ROOT, Block, blocks_of, commands_of
-from tests.pages.walk import LIMIT_S, Walk
+from tests.pages.walk import END, LIMIT_S, Walk
 from zacoustic.app.cli import parse
 from zacoustic.app.cli.tree import whole_tree
 from zacoustic.app.cli.verbs import ALIASES, VERBS
@@ -35,6 +35,21 @@ def test_what_a_page_says_can_be_typed(
 ) -> None:
     with Walk(page, tmp_path, part=sized(1, share=4)) as walk:
         walk.go()
+
+
+@pytest.mark.parametrize("page", WITH_COMMANDS)
+def test_a_page_ends_what_it_starts_in_the_background(page: str) -> None:
+    """Else the next commands, and the next page, find the ports in use."""
+    sections: dict[int, list[str]] = {}
+    for block in blocks_of(page):
+        if block.language == "sh":
+            sections.setdefault(block.section, []).extend(commands_of(block.text))
+    open_ended = [
+        commands[-1]
+        for commands in sections.values()
+        if any(command.endswith("&") for command in commands) and commands[-1] != END
+    ]
+    assert open_ended == []
 
 
 def blocks(language: str) -> list[object]:

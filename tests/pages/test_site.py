@@ -28,7 +28,7 @@ EXAMPLES: Final = sorted(
 WORDS_MOST: Final = 600
 
 _REFERENCE: Final = re.compile(r"^::: ([\w.]+)$", re.MULTILINE)
-_NAVIGATED: Final = re.compile(r"[\w/]+\.md")
+_NAVIGATED: Final = re.compile(r"[\w/-]+\.md")
 
 
 def programs() -> list[object]:

@@ -4,7 +4,7 @@
   for neighbours; routers of a page find each other, but not those of another page. Where a page
   names a modem of a vessel, an emulated one stands in its place; where a file connects to a router,
   there is one.
-- A verb that serves runs until the next heading; then it is interrupted, and has to end in peace.
+- A verb that serves runs until `kill $(jobs -p)`; then it is interrupted, and has to end in peace.
   Every other command has to end with exit code 0, or with the one that its comment names.
 - Of two gateways the second is on another computer: it listens elsewhere, unless it says where
   itself.
@@ -29,6 +29,8 @@ from tests.pages.blocks import ROOT, blocks_of, files_of, steps_of
 from zacoustic.app.tools.demo.networks import free_ports
 
 LIMIT_S: Final = 90.0
+END: Final = "kill $(jobs -p)"
+"""Ends what a page has started in the background."""
 SERVING: Final = ("run", "dashboard", "monitor", "record")
 """Verbs that run until they are interrupted."""
 
@@ -103,6 +105,9 @@ class Walk:
         outputs = []
         for command, code in steps_of(block):
             background = command.endswith("&")
+            if command == END:
+                self.rest()
+                continue
             words = self._shortened(shlex.split(self.moved(command.rstrip("&"))))
             if words[0] == "make":
                 _check_target(words[1])

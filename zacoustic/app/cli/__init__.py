@@ -165,7 +165,14 @@ def complete_parser() -> argparse.ArgumentParser:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that prints errors in one line."""
+    """A parser that prints errors in one line, the same ones on every version of Python."""
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:  # noqa: ANN401
+        """Refuse a word that is none of the choices; argparse's own text differs by version."""
+        if action.choices is not None and value not in action.choices:
+            name = "/".join(action.option_strings) or str(action.metavar or action.dest)
+            allowed = ", ".join(map(str, action.choices))
+            raise argparse.ArgumentError(None, f"{name} {value}; allowed: {allowed}")
 
     def error(self, message: str) -> NoReturn:
         """Print the error and exit."""

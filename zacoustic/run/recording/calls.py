@@ -20,6 +20,7 @@ from zacoustic.core.values.types import TypeSpec
 from zacoustic.core.values.types.scalars import enum_name
 from zacoustic.errors import ConfigError
 from zacoustic.run.recording.life import exact_spec
+from zacoustic.run.recording.version import of_another_version
 
 TYPES: Final = "zacoustic_types"
 """Additional argument of a recorded `declare`: the types of the table."""
@@ -135,13 +136,26 @@ class CallReader:
     Args:
         names: Names of the calls by number.
         only: The calls to read, and events that there were; None: all.
+        program: Version of the program that recorded them.
+        skips: Leave out calls that this program cannot read, in place of an error.
     """
 
-    def __init__(self, names: Sequence[str], only: Collection[str] | None = None) -> None:
+    def __init__(
+        self,
+        names: Sequence[str],
+        only: Collection[str] | None = None,
+        *,
+        program: str = "",
+        skips: bool = False,
+    ) -> None:
         self._names = names
         self._is_wanted = [only is None or name in only for name in names]
         self._events = names.index(_EVENT) if only is not None and _EVENT in names else None
         """Number of the call whose outcome alone is wanted, if it has one."""
+        self._program = program
+        self._skips = skips
+        self.skipped = 0
+        """How many calls were left out."""
         self._parameters: dict[str, dict[str, Any]] = {}
         self._decoder = msgspec.msgpack.Decoder(list[tuple[int, msgspec.Raw, msgspec.Raw]])
         self._arguments = msgspec.msgpack.Decoder(dict[str, Any])
@@ -157,12 +171,22 @@ class CallReader:
                 if not self._is_wanted[number]:
                     continue
                 name, told = self._names[number], bytes(outcome)
-                if number != self._events:
-                    yield Recorded(name, self._typed(name, self._arguments.decode(arguments)), told)
-                elif told != _NOTHING:
-                    yield Recorded(name, {}, told)
-        except (msgspec.DecodeError, ValueError, IndexError, RecursionError) as error:
-            raise ConfigError(f"a call of the engine cannot be read: {error}") from error
+                if number == self._events:
+                    if told != _NOTHING:
+                        yield Recorded(name, {}, told)
+                    continue
+                try:
+                    typed = self._typed(name, self._arguments.decode(arguments))
+                except (msgspec.ValidationError, ConfigError):
+                    if not self._skips:
+                        raise
+                    self.skipped += 1
+                    continue
+                yield Recorded(name, typed, told)
+        except (msgspec.DecodeError, ValueError, IndexError, RecursionError, ConfigError) as error:
+            raise of_another_version(
+                self._program, f"a call of the engine cannot be read, {error}"
+            ) from error
 
     def _typed(self, name: str, arguments: dict[str, Any]) -> dict[str, Any]:
         parameters = self._parameters.get(name)

@@ -13,6 +13,7 @@ from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.run.recording.calls import TYPES, CallReader, Recorded, outcome_of
 from zacoustic.run.recording.life import FORMAT, Life, decode_life
 from zacoustic.run.recording.reading import ReadMessage, RecordingReader
+from zacoustic.run.recording.version import of_another_version
 from zacoustic.text.digits import whole_number
 
 _RECORD_HINT: Final = "record with --record at the gateway, the Node or zacoustic sim"
@@ -52,16 +53,25 @@ class LifeReader:
 
     Args:
         only: The calls to read; None: all.
+        skips: Leave out calls that this program cannot read, in place of an error: for readers that
+            make no engine.
     """
 
-    def __init__(self, only: Collection[str] | None = None) -> None:
+    def __init__(self, only: Collection[str] | None = None, *, skips: bool = False) -> None:
         self._only = only
         self.epochs = 0
         """Number of epochs begun."""
+        self._skips = skips
+        self._skipped = 0
         self._readers: dict[int, CallReader] = {}
         self._nodes: dict[str, int] = {}
         """By topic."""
         self._decoder = msgspec.msgpack.Decoder(_Written)
+
+    @property
+    def skipped(self) -> int:
+        """How many calls were left out."""
+        return self._skipped + sum(each.skipped for each in self._readers.values())
 
     def life_in(self, message: ReadMessage) -> Life | None:
         """Return the boot epoch that a message begins; None: it begins none. Errors as `read`."""
@@ -83,12 +93,15 @@ class LifeReader:
         if written.life is not _NONE:
             life = decode_life(bytes(written.life))
             if life.format != FORMAT:
-                raise ConfigError(
-                    f"{message.topic}: format {life.format}; allowed: {FORMAT}",
-                    hint=f"replay it with zacoustic {life.program}",
+                raise of_another_version(
+                    life.program, f"{message.topic} has format {life.format}; allowed: {FORMAT}"
                 )
             self.epochs += 1
-            self._readers[life.address] = CallReader(life.calls, self._only)
+            if (former := self._readers.get(life.address)) is not None:
+                self._skipped += former.skipped
+            self._readers[life.address] = CallReader(
+                life.calls, self._only, program=life.program, skips=self._skips
+            )
             return NewLife(life)
         node = self._nodes.get(message.topic)
         if node is None:

@@ -22,6 +22,7 @@ from zacoustic.core.values.dense.model.prior import Model
 from zacoustic.core.values.types import TypeSpec, TypeTable
 from zacoustic.core.wire.seal import Cipher
 from zacoustic.errors import ConfigError
+from zacoustic.run.recording.version import of_another_version
 
 FORMAT: Final = 1
 """Changes when an older program could no longer read the calls."""
@@ -118,8 +119,9 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
     """State of the generator before the engine was made."""
     stored: dict[str, bytes]
     """The journal's entries of former boot epochs."""
-    rules: TransmitRules
-    """When and how much the node may transmit."""
+    rules: msgspec.Raw
+    """When and how much the node may transmit: `TransmitRules`. Only an engine needs them; their
+    fields change between versions."""
     table: Table
     """Its streams."""
     digest: bytes
@@ -146,6 +148,8 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: This program cannot make it, or the key is missing.
         """
+        if rules is None:
+            rules = self.transmit_rules()
         if self.is_sealed and cipher is None:
             raise ConfigError(
                 f"the frames of node {self.address} were sealed: its engine needs the key",
@@ -164,11 +168,24 @@ class Life(msgspec.Struct, frozen=True, kw_only=True):
             table=table,
             epoch=self.epoch,
             rng=self.randomness.generator(),
-            rules=self.rules if rules is None else rules,
+            rules=rules,
             stored=self.stored,
             trace=trace,
             cipher=cipher if self.is_sealed else None,
         )
+
+    def transmit_rules(self) -> TransmitRules:
+        """Return the rules.
+
+        Raises:
+            ConfigError: Another version of the program wrote them.
+        """
+        try:
+            return msgspec.msgpack.decode(self.rules, type=TransmitRules)
+        except (msgspec.DecodeError, RecursionError) as error:
+            raise of_another_version(
+                self.program, f"the engine of node {self.address} cannot be made, {error}"
+            ) from error
 
 
 def encode_life(
@@ -191,7 +208,7 @@ def encode_life(
         utc_offset_ns=utc_offset_ns,
         randomness=Randomness.of(rng),
         stored=dict(stored),
-        rules=rules,
+        rules=msgspec.Raw(msgspec.msgpack.encode(rules)),
         table=Table.of(table),
         digest=table.digest,
         is_sealed=is_sealed,
@@ -209,13 +226,21 @@ def decode_life(data: bytes) -> Life:
         life = msgspec.msgpack.decode(data, type=Life)
         streams = msgspec.msgpack.decode(data)["table"]["streams"]
     except (msgspec.DecodeError, RecursionError) as error:
-        raise ConfigError(
-            f"the recording of a life cannot be read: {error}", hint="replay it as it was recorded"
+        raise of_another_version(
+            _program_of(data), f"the parameters of an engine cannot be read, {error}"
         ) from error
     pairs = zip(life.table.streams, streams, strict=True)
     exact = tuple(exact_spec(spec, written) for spec, written in pairs)
     table = msgspec.structs.replace(life.table, streams=exact)
     return msgspec.structs.replace(life, table=table)
+
+
+def _program_of(data: bytes) -> str:
+    """Return the version in parameters that cannot be read otherwise; empty: unknown."""
+    try:
+        return str(msgspec.msgpack.decode(data)["program"])
+    except (msgspec.DecodeError, RecursionError, KeyError, TypeError):
+        return ""
 
 
 def exact_spec(spec: StreamSpec, written: Mapping[str, object]) -> StreamSpec:

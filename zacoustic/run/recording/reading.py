@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 
 from zacoustic.errors import ConfigError
+from zacoustic.run.recording.version import version_in
 from zacoustic.text.digits import whole_number
 from zacoustic.text.installing import with_extra
 
@@ -81,6 +82,8 @@ class RecordingReader:
         after reading."""
         self.share = 0.0
         """How much of the file has been read, 0…1."""
+        self.program = ""
+        """Version of the program that made the file; empty: another program, or not yet read."""
         try:
             with self.path.open("rb") as file:
                 head = file.read(len(MAGIC))
@@ -97,7 +100,7 @@ class RecordingReader:
 
     def __iter__(self) -> Iterator[ReadMessage]:
         """Read all messages up to the first damage, which `damage` names."""
-        from mcap.records import Channel, Chunk, Message
+        from mcap.records import Channel, Chunk, Header, Message
         from mcap.stream_reader import StreamReader
 
         class WithoutIndex(StreamReader):
@@ -141,7 +144,9 @@ class RecordingReader:
                             channel.metadata,
                             each[2],
                         )
-                if isinstance(record, Channel):
+                if isinstance(record, Header):
+                    self.program = version_in(record.library)
+                elif isinstance(record, Channel):
                     channels[record.id] = record
                 elif isinstance(record, Message) and record.channel_id in channels:
                     channel = channels[record.channel_id]

@@ -36,7 +36,8 @@ from zacoustic.run.recording.foxglove import NOMINAL_M_S
 from zacoustic.run.recording.life import encode_life
 from zacoustic.run.recording.schemas import as_json
 from zacoustic.run.recording.values import ValueWriter, key_of
-from zacoustic.run.recording.writing import MessageSink, program
+from zacoustic.run.recording.version import program
+from zacoustic.run.recording.writing import MessageSink
 
 LEDGER_NS: Final = 10_000_000_000
 """Time between two ledgers, ns, while the engine is called."""

@@ -18,7 +18,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Final, Protocol
 
@@ -27,6 +26,7 @@ import msgspec
 from zacoustic.errors import ConfigError
 from zacoustic.run.privatefile import create_private
 from zacoustic.run.recording.channels import Channel
+from zacoustic.run.recording.version import library
 from zacoustic.text.installing import with_extra
 
 if TYPE_CHECKING:
@@ -203,11 +203,6 @@ class RecordingFile:
         self._trouble(f"{self.path}: the recording ends here: {reason}")
 
 
-def program() -> str:
-    """Return the version of this program."""
-    return metadata.version("zacoustic")
-
-
 def _open(path: Path) -> "tuple[IO[bytes], Writer]":
     try:
         from mcap.writer import Writer
@@ -218,7 +213,7 @@ def _open(path: Path) -> "tuple[IO[bytes], Writer]":
         path.parent.mkdir(parents=True, exist_ok=True)
         stream = create_private(path)
         writer = Writer(stream, chunk_size=CHUNK_BYTES)
-        writer.start(profile="", library=f"zacoustic {program()}")
+        writer.start(profile="", library=library())
         stream.flush()
     except OSError as error:
         if stream is not None:

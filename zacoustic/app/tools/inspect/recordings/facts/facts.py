@@ -123,6 +123,12 @@ class Facts:
         self.files: list[str] = []
         self.damage: dict[str, str] = {}
         """Why files end early."""
+        self.programs: dict[str, str] = {}
+        """Versions of the programs that made the files."""
+        self.faults: list[str] = []
+        """Why boot epochs of engines could not be read."""
+        self.unread = 0
+        """Calls of engines that this program cannot read."""
         self.gaps: set[int] = set()
         """Nodes whose recordings have gaps."""
         self.tables: dict[int, StreamTable] = {}

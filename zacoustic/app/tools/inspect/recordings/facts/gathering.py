@@ -71,6 +71,8 @@ def gather(
             gatherer.take(message)
             if progress is not None and count % _SHOW_EACH == 0:
                 progress((number + source.share) / len(paths))
+        facts.unread += gatherer.unread
+        facts.programs[str(path)] = source.program
         if source.damage:
             facts.damage[str(path)] = source.damage
     if not (facts.tables or facts.frames or facts.arrived or facts.ledgers):
@@ -89,6 +91,7 @@ def add_messages(facts: Facts, messages: Iterable[ReadMessage]) -> None:
     gatherer = _Gatherer(facts)
     for message in messages:
         gatherer.take(message)
+    facts.unread += gatherer.unread
 
 
 # The node of a message, and the node that a measurement is about.
@@ -134,7 +137,8 @@ class _SealEvent(msgspec.Struct):
 class _Gatherer:
     def __init__(self, facts: Facts) -> None:
         self._facts = facts
-        self._epochs = LifeReader(_READ - REACTIONS if facts.is_lean else _READ)
+        only = _READ - REACTIONS if facts.is_lean else _READ
+        self._epochs = LifeReader(only, skips=True)
         self._places: dict[str, tuple[int | None, int | None, str]] = {}
         """Whose a topic is, the node that its records name, and its last part."""
         self._offsets: dict[int, int] = {}
@@ -146,6 +150,11 @@ class _Gatherer:
         """The ledgers of gateways on a recorded network."""
         self._table: StreamTable | None = None
         """The table of a recording without boot epochs."""
+
+    @property
+    def unread(self) -> int:
+        """How many calls could not be read."""
+        return self._epochs.skipped
 
     def take(self, message: ReadMessage) -> None:
         facts = self._facts
@@ -289,7 +298,12 @@ class _Gatherer:
     # A recorded engine
 
     def _take_engine(self, message: ReadMessage) -> None:
-        part = self._epochs.read(message)
+        try:
+            part = self._epochs.read(message)
+        except ConfigError as error:  # frames and ledgers are read all the same
+            if str(error) not in self._facts.faults:
+                self._facts.faults.append(str(error))
+            return
         if isinstance(part, NewLife):
             node = part.life.address
             table = self._facts.tables[node] = part.life.table.table()

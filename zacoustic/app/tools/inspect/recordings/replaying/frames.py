@@ -1,5 +1,6 @@
 """The frames of a recording in words: opened, and decoded by the table."""
 
+import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeVar
@@ -21,6 +22,8 @@ from zacoustic.run.recording.reading import ReadMessage, RecordingReader
 from zacoustic.run.recording.samples import TABLE_TOPIC, decode_table
 
 T = TypeVar("T")
+
+_logger = logging.getLogger(__name__)
 
 
 class DecodedFrame(msgspec.Struct, frozen=True, kw_only=True):
@@ -90,7 +93,13 @@ class FrameReader:
                 yield from self._decode(record, message.utc_ns)
 
     def _read_life(self, message: ReadMessage, node: int) -> None:
-        life = self._epochs.life_in(message)
+        try:
+            life = self._epochs.life_in(message)
+        except ConfigError as error:
+            _logger.warning(
+                "node %d: %s; its frames are explained without its streams", node, error
+            )
+            return
         if life is not None:
             self._tables[node] = life.table.table()
             self._sealed[node] = life.is_sealed

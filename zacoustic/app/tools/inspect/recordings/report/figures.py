@@ -19,6 +19,7 @@ from zacoustic.core.base.stats import NO_STREAM
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.run.recording.channels import SENT
+from zacoustic.run.recording.version import program
 
 _NAMED: Final = 5
 """Number of streams to name, the worst first."""
@@ -235,6 +236,14 @@ def _node(facts: Facts, node: int, sent: Mapping[int, tuple[int, int, float]]) -
 
 def _notes(facts: Facts, nodes: list[NodeFigures]) -> list[str]:
     notes = [f"{file} ends early: {reason}" for file, reason in facts.damage.items()]
+    notes += [
+        f"{file} was recorded by zacoustic {maker}, and is read by {program()}"
+        for file, maker in facts.programs.items()
+        if maker not in ("", program())
+    ]
+    notes += facts.faults
+    if facts.unread:
+        notes.append(f"calls of engines that this version cannot read, left out: {facts.unread}")
     others = sorted(
         {arrived.source for arrived in facts.arrived if arrived.source not in facts.tables} - {0}
     )

@@ -257,7 +257,7 @@ def configured(
         life = epochs.get(address, anybody)
         config = configs.get(address)
         tables[address] = life.table.table() if config is None else config.table
-        rules[address] = life.rules if config is None else config.rules
+        rules[address] = life.transmit_rules() if config is None else config.rules
     return tables, rules
 
 
