@@ -634,7 +634,7 @@ class Composer:
         """Add the controls of medium access, and limit the room to the size that it prefers."""
         said = port.controls(
             draft.room_bytes - first_bytes,
-            self._queue.waiting_bytes,
+            self._queue.has_bytes,
             now,
             has_object=self._objects.has_fragment(now),
         )
