@@ -68,6 +68,7 @@ from zacoustic.core.schedule.access import AccessState
 from zacoustic.core.schedule.context import Context, NodeContext, Tunnel
 from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.schedule.silence import Silence
+from zacoustic.core.schedule.transmitter import Opening
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -527,6 +528,13 @@ class Engine:
     def link_of(self, stream_id: int) -> str:
         """Return the name of the link, route or bond that a stream uses."""
         return self._stack_of(stream_id).name
+
+    def opening(self, link: str, now: int) -> Opening:
+        """Return whether a link, route or bond can take a frame of records now.
+
+        A sample that is published while none can go may be replaced before one goes.
+        """
+        return self._stack(link).transmitter.opening(now)
 
     @property
     def is_idle(self) -> bool:
