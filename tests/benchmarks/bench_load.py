@@ -115,7 +115,7 @@ def measure(topics: int, rate_hz: float, seconds: float) -> dict[str, float]:
             Process(None, __file__, "--publish", ports[0], topics, rate_hz, seconds)
         )
         publisher.wait_for("begins")
-        pid = gateways[0]._process.pid  # noqa: SLF001
+        pid = gateways[0]._process.pid
         before_s, before_mb = cpu_s(pid), memory_mb(pid)
         puts = publisher.wait_for("done")["puts"]
         found = {"cpu_s": cpu_s(pid) - before_s, "grown_mb": memory_mb(pid) - before_mb}
