@@ -28,9 +28,9 @@ from typing import Any, Final
 
 import zenoh
 
-sys.path.insert(0, str(Path(__file__).parent))
+sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from bench_gateway_latency import Process, client_config, free_port, percentile
+from tests.benchmarks.bench_gateway_latency import Process, client_config, free_port, percentile
 
 COST_LIMIT_MS: Final = 0.03
 AGE_LIMIT_S: Final = 0.5

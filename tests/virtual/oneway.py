@@ -26,15 +26,17 @@ class OneWay:
         answer_s: Interval at which node 2 says something, s; 0: never.
         modem: Of both nodes.
         receivers: How many nodes listen.
+        loss: Share of the frames that is lost.
         seed: Of the samples.
         settings: Of the scenario.
     """
 
     def __init__(
         self, codec: str, *, period_s: float = 0.1, answer_s: float = 0.0,
-        modem: Modem | None = None, receivers: int = 1, seed: int = 1, **settings: Any,
+        modem: Modem | None = None, receivers: int = 1, loss: float = 0.0, seed: int = 1, **settings: Any,
     ) -> None:  # fmt: skip
         self._rng = random.Random(f"one way/{seed}")
+        lost = random.Random(f"lost/{seed}")
         self.came = 0
         self.wrong = 0
         self._published: dict[int, dict[str, Any]] = {}
@@ -53,6 +55,7 @@ class OneWay:
             line(*(500.0 * each for each in range(len(nodes))), **settings),
             StreamTable([*navs, word], types=TypeTable([NAV]), nodes=nodes),
             modem=modem or Modem(), deliver=self._take, digest=False,
+            disturb=lambda *_: () if lost.random() < loss else (0.0,),
         )  # fmt: skip
         self._period_s, self._answer_s = period_s, answer_s
 

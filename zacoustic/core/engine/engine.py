@@ -530,10 +530,7 @@ class Engine:
         return self._stack_of(stream_id).name
 
     def opening(self, link: str, now: int) -> Opening:
-        """Return whether a link, route or bond can take a frame of records now.
-
-        A sample that is published while none can go may be replaced before one goes.
-        """
+        """Return whether a link, route or bond can take a frame of records now."""
         return self._stack(link).transmitter.opening(now)
 
     @property
@@ -580,9 +577,8 @@ class Engine:
     def forget(self, address: int, now: int) -> None:
         """Free everything that is kept of another node, in the journal as well.
 
-        For a node that has left the fleet and will not return: the state of its calls and goals,
-        and of the samples that it sent, is lost. Calls to it end as cancelled; payloads that wait
-        for it in the queue stay.
+        For a node that will not return: the state of its calls, goals and samples is lost. Calls to
+        it end as cancelled; payloads that wait for it in the queue stay.
 
         Args:
             address: The node.
