@@ -109,6 +109,8 @@ class LinkRunner:
         self.failure: Exception | None = None
         self.watch: LinkWatch | None = None
         """Set it to observe what passes between engine and link."""
+        self.before_frames: Command | None = None
+        """Set it to give the engine what it should know before it makes a frame; must not raise."""
         self._clocks = clocks or NodeClocks()
         self._deliver: Callable[[Event], None] = _ignore
         self._settled: Callable[[], None] = _nothing
@@ -339,6 +341,8 @@ class LinkRunner:
         self._is_servicing = True
         try:
             self._tell_clock()
+            if self.before_frames is not None and not self._is_closing:
+                self.before_frames(self.engine, self._clocks.now)
             for _ in range(_ROUNDS_LIMIT):
                 if not self._poll():
                     self._alarm.set(None if self._is_closing else self.engine.poll_timeout())

@@ -31,7 +31,7 @@ class Talker:
     def send(self, airtime_ns: int = LARGEST_NS, *, is_urgent: bool = False) -> int:
         """Send as soon as that may be; returns when it started."""
         self.now = self.listening.pauses_until(self.now, self.now, is_urgent=is_urgent)
-        said = self.listening.controls(64, self.backlog_bytes, self.now)
+        said = self.listening.controls(64, self.backlog_bytes.__ge__, self.now)
         self.listening.handle_started(self.now)
         self.sent.append((self.now, self.now + airtime_ns, said))
         self.listening.handle_transmitted(self.now, self.now + airtime_ns)

@@ -31,8 +31,9 @@ def lane(*receivers: int, is_journalled: bool = False, next_number: int = 0) -> 
 
 
 def add(to: SendLane, count: int = 1) -> list[Outgoing]:
-    kept = JournalledSample(1, b"", b"x", False)
-    return [to.add(STREAM, kept, queued_at=0, expires_at=None) for _ in range(count)]
+    ids = range(to.next_number + 1, to.next_number + 1 + count)
+    kept = [JournalledSample(each, b"", b"x", False) for each in ids]
+    return [to.add(STREAM, each, queued_at=0, expires_at=None) for each in kept]
 
 
 def numbers(of: SendLane) -> list[int]:
@@ -96,6 +97,7 @@ def test_number_that_was_sent_or_kept_is_not_given_away() -> None:
         sent = lane(is_journalled=is_journalled)
         first, second, third = add(sent, 3)
         if not is_journalled:
+            sent.open(0, SETTLING_NS)
             third.stage = Stage.ON_AIR
         assert sent.remove(first) is True
         assert [second.number, third.number, sent.next_number] == [1, 2, 3]
@@ -136,6 +138,7 @@ def test_receiver_a_window_behind_is_out_of_sync() -> None:
 def test_receiver_that_has_forgotten_lacks_it_again() -> None:
     two = lane(2, 3)
     samples = add(two, 3)
+    two.open(0, SETTLING_NS)
     for sample in samples:
         sample.acknowledged.add(2)
     two.receptions[2].expected = 3

@@ -68,6 +68,7 @@ from zacoustic.core.schedule.access import AccessState
 from zacoustic.core.schedule.context import Context, NodeContext, Tunnel
 from zacoustic.core.schedule.hosttime import HostTime
 from zacoustic.core.schedule.silence import Silence
+from zacoustic.core.schedule.transmitter import Opening
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -530,6 +531,10 @@ class Engine:
         """Return the name of the link, route or bond that a stream uses."""
         return self._stack_of(stream_id).name
 
+    def opening(self, link: str, now: int) -> Opening:
+        """Return whether a link, route or bond can take a frame of records now."""
+        return self._stack(link).transmitter.opening(now)
+
     @property
     def is_idle(self) -> bool:
         """Whether nothing waits, nothing is under way, and no timer is armed."""
@@ -574,9 +579,8 @@ class Engine:
     def forget(self, address: int, now: int) -> None:
         """Free everything that is kept of another node, in the journal as well.
 
-        For a node that has left the fleet and will not return: the state of its calls and goals,
-        and of the samples that it sent, is lost. Calls to it end as cancelled; payloads that wait
-        for it in the queue stay.
+        For a node that will not return: the state of its calls, goals and samples is lost. Calls to
+        it end as cancelled; payloads that wait for it in the queue stay.
 
         Args:
             address: The node.

@@ -200,7 +200,7 @@ class Composer:
         self._other_end = made_of.other_end
         self._sources: tuple[Source, ...] = (
             made_of.heartbeats, made_of.objects, _Owed(self._owing, link), made_of.ranging,
-            *made_of.extensions, *filter(None, [made_of.relay]), made_of.queue,
+            made_of.dense, *made_of.extensions, *filter(None, [made_of.relay]), made_of.queue,
         )  # fmt: skip
         """Of equal offers the first one wins; the last source is that of the best payload."""
         self._not_objects = tuple(each for each in self._sources if each is not made_of.objects)
@@ -645,7 +645,7 @@ class Composer:
         """Add the controls of medium access, and limit the room to the size that it prefers."""
         said = port.controls(
             draft.room_bytes - first_bytes,
-            self._queue.waiting_bytes,
+            self._has_bytes,
             now,
             has_object=self._objects.has_fragment(now),
         )
@@ -656,6 +656,10 @@ class Composer:
             spent_bytes = port.room_bytes - draft.room_bytes
             most_bytes = max(first_bytes, comfort_bytes - spent_bytes)
             draft.room_bytes = min(draft.room_bytes, most_bytes)
+
+    def _has_bytes(self, least_bytes: int) -> bool:
+        """Return whether so many bytes wait, or will: then a pause is worth its announcement."""
+        return self._dense.fills_link or self._queue.has_bytes(least_bytes)
 
     def _concerning(self, offer: Offer, now: int) -> Iterator[tuple[Lane, Waiting]]:
         """Yield the candidates that the frame may carry."""

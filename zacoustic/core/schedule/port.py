@@ -249,19 +249,21 @@ class LinkPort:
         speak_at = self.access.speak_at(now)
         return None if speak_at is None else max(speak_at, self._gap_until)
 
-    def controls(self, room_bytes: int, backlog_bytes: int, now: int, *, has_object: bool) -> bytes:
+    def controls(
+        self, room_bytes: int, has_bytes: Callable[[int], bool], now: int, *, has_object: bool
+    ) -> bytes:
         """Take the controls of medium access for a frame that starts now.
 
         Args:
             room_bytes: Room left in the frame, bytes.
-            backlog_bytes: Size of all waiting payloads, those of the frame included.
+            has_bytes: Tells whether at least so many bytes wait, those of the frame included.
             now: The instant.
             has_object: Whether an object is being sent.
         """
         said = self.access.controls(room_bytes, now, alone=False)
         if self._listens:
             said += self.listening.controls(
-                room_bytes - len(said), backlog_bytes, now, has_object=has_object
+                room_bytes - len(said), has_bytes, now, has_object=has_object
             )
         return said
 

@@ -26,6 +26,7 @@ import heapq
 import random
 from collections import deque
 from collections.abc import Collection, Iterator
+from itertools import accumulate, takewhile
 from typing import Any, Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
@@ -122,6 +123,7 @@ class Waiting:
         "payload",
         "prefix",
         "queued_at",
+        "queued_in",
         "stamped",
         "stream_id",
         "sync",
@@ -174,6 +176,8 @@ class Waiting:
         """Whether it was just sent and is to follow at once, where the hearer listens on."""
         self.part: Part | None = None
         """Follows its transmissions; None: nothing does."""
+        self.queued_in: Lane | None = None
+        """The lane in which it waits; None: it does not wait."""
         self._fixed_bytes = len(prefix) + len(address) + 1 + len(head) + stamped + len(payload)
 
     def head_at(self, now: int) -> bytes:
@@ -202,7 +206,10 @@ class Waiting:
 
 
 class Lane:
-    """The payloads of one key in the order of publication."""
+    """The payloads of one key in the order of publication.
+
+    A lane may be thousands deep, and each frame asks about it: no answer may look at all of it.
+    """
 
     __slots__ = (
         "_min_interval_ns",
@@ -218,6 +225,7 @@ class Lane:
         "items",
         "key",
         "linger_ns",
+        "notable",
         "patience_ns",
         "qos",
         "taken_at",
@@ -233,6 +241,8 @@ class Lane:
         self._steady = 0
         """How many intervals in a row were equal to the one before."""
         self.items: deque[Waiting] = deque()
+        self.notable: dict[int, Waiting] = {}
+        """Its copies and acknowledgements, by identity."""
         self.destination = BROADCAST
         """The destination of its last payload."""
         self.held_until = 0
@@ -279,10 +289,13 @@ class Lane:
         if not self.items:
             self.waits_since, self._spread_ns = item.queued_at, spread_ns
         if self._min_interval_ns and item.cause is Cause.REPEAT:
-            before = sum(each.cause is Cause.REPEAT for each in self.items)
+            before = sum(1 for _ in takewhile(_is_repetition, self.items))
             self.items.insert(before, item)
         else:
             self.items.append(item)
+        item.queued_in = self
+        if item.is_copy or item.cause is Cause.ACK:
+            self.notable[id(item)] = item
 
     def _drawn_ns(self, item: Waiting) -> int:
         """Return how long a payload lingers because others tick with it, ns."""
@@ -299,23 +312,52 @@ class Lane:
 
     def take(self, now: int) -> Waiting:
         """Remove the first payload for transmission."""
-        item = self.items.popleft()
+        item = self.drop_first()
         if item.cause is not Cause.REPEAT:
             self.taken_at = now
         self._go_on()
         return item
 
+    def drop_first(self) -> Waiting:
+        """Remove the first payload; the next one takes over its place."""
+        item = self.items.popleft()
+        self._left(item)
+        return item
+
     def remove(self, item: Waiting) -> None:
         """Remove a payload that must not go any more."""
-        is_first = item is self.items[0]
-        self.items.remove(item)
-        if is_first:
+        if item is self.items[0]:
+            self.drop_first()
             self._go_on()
+            return
+        self.items.remove(item)
+        self._left(item)
+
+    def clear(self) -> None:
+        """Remove all payloads."""
+        while self.items:
+            self.drop_first()
+
+    def limit(self, largest_bytes: int) -> list[Waiting]:
+        """Remove and return the payloads that are larger, as record and in a block."""
+        dropped = [item for item in self.items if item.least_bytes > largest_bytes]
+        for item in dropped:
+            self._left(item)
+        self.items = deque(item for item in self.items if item.queued_in is self)
+        return dropped
+
+    def _left(self, item: Waiting) -> None:
+        item.queued_in = None
+        self.notable.pop(id(item), None)
 
     def _go_on(self) -> None:
         """Let the next payload wait for itself."""
         if self.items:
             self.waits_since = self.items[0].queued_at
+
+
+def _is_repetition(item: Waiting) -> bool:
+    return item.cause is Cause.REPEAT
 
 
 class TransmitQueue:
@@ -344,11 +386,11 @@ class TransmitQueue:
     def __len__(self) -> int:
         return sum(len(lane.items) for lane in self._busy.values())
 
-    @property
-    def waiting_bytes(self) -> int:
-        """Size of all records that may go, bytes."""
+    def has_bytes(self, least_bytes: int) -> bool:
+        """Return whether the records that may go have at least this size together, bytes."""
         lanes = (lane for lane in self._busy.values() if lane.is_on)
-        return sum(item.size_bytes for lane in lanes for item in lane.items)
+        sizes = accumulate((item.size_bytes for lane in lanes for item in lane.items), initial=0)
+        return any(size_bytes >= least_bytes for size_bytes in sizes)
 
     def is_urgent(self, now: int) -> bool:
         """Return whether a REAL_TIME payload waits that may go."""
@@ -370,8 +412,8 @@ class TransmitQueue:
     def has_copy(self) -> bool:
         """Whether a copy waits: a record that was just sent and follows itself at once."""
         for lane in self._busy.values():
-            if lane.is_on:
-                for item in lane.items:
+            if lane.notable and lane.is_on:
+                for item in lane.notable.values():
                     if item.is_copy:
                         return True
         return False
@@ -379,7 +421,8 @@ class TransmitQueue:
     @property
     def has_acknowledgement(self) -> bool:
         """Whether an acknowledgement waits."""
-        return any(each.cause is Cause.ACK for lane in self._busy.values() for each in lane.items)
+        notable = (item for lane in self._busy.values() for item in lane.notable.values())
+        return any(item.cause is Cause.ACK for item in notable)
 
     def pending(self, stream_id: int) -> int:
         """Return how many payloads of a stream wait."""
@@ -424,7 +467,7 @@ class TransmitQueue:
         if item.is_reply:
             lane.held_until = max(lane.held_until, self._replies_held.get(item.destination, 0))
         if len(lane.items) > qos.depth:
-            lane.items.popleft()
+            lane.drop_first()
             self.superseded[key[0]] = self.superseded.get(key[0], 0) + 1
 
     def hold(self, stream_id: int, until: int) -> None:
@@ -471,13 +514,12 @@ class TransmitQueue:
 
     def holds(self, key: LaneKey, item: Waiting) -> bool:
         """Return whether a payload waits."""
-        lane = self._busy.get(key)
-        return lane is not None and any(each is item for each in lane.items)
+        return item.queued_in is not None and item.queued_in is self._busy.get(key)
 
     def discard(self, key: LaneKey, item: Waiting) -> None:
         """Remove one payload if it waits."""
-        lane = self._busy.get(key)
-        if lane is not None and item in lane.items:
+        if self.holds(key, item):
+            lane = self._busy[key]
             lane.remove(item)
             self._settle(lane)
 
@@ -486,7 +528,7 @@ class TransmitQueue:
         lane = self._busy.get(key)
         if lane is not None:
             item.queued_at = lane.items[0].queued_at
-            lane.items.clear()
+            lane.clear()
         self.push(key, item, qos)
 
     def first(self, key: LaneKey) -> Waiting | None:
@@ -498,7 +540,7 @@ class TransmitQueue:
         """Remove all payloads of a lane."""
         lane = self._busy.get(key)
         if lane is not None:
-            lane.items.clear()
+            lane.clear()
             self._settle(lane)
 
     def drop_stream(self, stream_id: int) -> int:
@@ -531,9 +573,7 @@ class TransmitQueue:
         self.largest_bytes = largest_bytes
         dropped: list[Waiting] = []
         for lane in list(self._busy.values()):
-            kept = [item for item in lane.items if self.fits(item)]
-            dropped += (item for item in lane.items if not self.fits(item))
-            lane.items = deque(kept)
+            dropped += lane.limit(largest_bytes)
             self._settle(lane)
         return dropped
 
@@ -602,9 +642,9 @@ class TransmitQueue:
         return None
 
     def drop_expired(self, now: int) -> int | None:
-        """Drop expired payloads; return when the next one expires, ns, or None."""
+        """Drop expired payloads; return when the next one can be dropped, ns, or None."""
         busy = [lane for lane in list(self._busy.values()) if self._drop_expired(lane, now)]
-        instants = (item.expires_at for lane in busy for item in lane.items)
+        instants = (lane.items[0].expires_at for lane in busy)
         return min((at for at in instants if at is not None), default=None)
 
     def _drop_expired(self, lane: Lane, now: int) -> bool:
@@ -613,7 +653,7 @@ class TransmitQueue:
             expires_at = lane.items[0].expires_at
             if expires_at is None or expires_at > now:
                 return True
-            lane.items.popleft()
+            lane.drop_first()
             self.expired[lane.key[0]] = self.expired.get(lane.key[0], 0) + 1
         self._settle(lane)
         return False

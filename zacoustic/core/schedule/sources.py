@@ -125,12 +125,16 @@ class ObjectSource(Source, Protocol):
         """Hold the fragments of a stream until an instant, ns."""
 
 
-class DenseSource(Protocol):
+class DenseSource(Source, Protocol):
     """Writes samples of dense streams into one block, and acknowledges received blocks."""
 
     @property
     def savings(self) -> Savings:
         """What this node's blocks have saved."""
+
+    @property
+    def fills_link(self) -> bool:
+        """Whether its blocks fill the link, so that their listener should know the pauses."""
 
     def admits(self, item: Waiting, destination: int) -> bool:
         """Return whether a waiting payload can be part of a dense block to `destination`."""

@@ -5,6 +5,7 @@ depends on queue, port, medium access, caps and silence at that moment, and any 
 each of them.
 """
 
+import enum
 from collections.abc import Callable
 from typing import Final, Protocol
 
@@ -122,6 +123,17 @@ class FrameSource(Protocol):
 
     def speak(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame with only the controls of medium access, or return None."""
+
+
+class Opening(enum.Enum):
+    """Whether a link can take a frame of records."""
+
+    CLOSED = "closed"
+    """None goes now."""
+    FREE = "free"
+    """A record that is queued now could go at once; none is due."""
+    DUE = "due"
+    """A frame goes now."""
 
 
 class Transmitter:
@@ -307,6 +319,13 @@ class Transmitter:
             return speak_at if transmit_at is None else transmit_at
         return min(transmit_at, speak_at)
 
+    def opening(self, now: int) -> Opening:
+        """Return whether a frame goes now, or could if there were a record for it."""
+        if _is_over(self._transmit_at(now), now):
+            return Opening.DUE
+        is_open = _is_over(self._transmit_at(now, now), now)
+        return Opening.FREE if is_open else Opening.CLOSED
+
     def clock_doubt(self, now: int) -> str:
         """Return why a doubtful time keeps this node silent, one line; empty: it does not."""
         if self.port is None:
@@ -336,8 +355,13 @@ class Transmitter:
         elif self._offset_ns is not None:
             port.access.handle_clock(self._offset_ns, None, now)
 
-    def _transmit_at(self, now: int) -> int | None:
-        """Return when a frame of waiting records goes, ns, or None."""
+    def _transmit_at(self, now: int, due_at: int | None = None) -> int | None:
+        """Return when a frame of waiting records goes, ns, or None.
+
+        Args:
+            now: The instant.
+            due_at: Instant from which a record should go, ns; None: that of the waiting ones.
+        """
         if self.link_state is not LinkState.UP or self.port is None:
             return None
         is_full = self.port.is_full
@@ -345,7 +369,7 @@ class Transmitter:
             return None
         if not self._source.may_speak:
             return None
-        due_at = self._source.due_at(now)
+        due_at = self._source.due_at(now) if due_at is None else due_at
         if due_at is None:
             return None
         self.port.listening.exclusive = self._source.is_exclusive

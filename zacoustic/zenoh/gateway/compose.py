@@ -167,7 +167,9 @@ class Composition:
             KeptSamples(self._runner.keep, clock=self._clock, wall_clock=self._wall_clock),
             clock=self._clock,
             ring=ring,
+            submit=zenoh_session.worker.submit,
         )
+        self._runner.before_frames = topics.before_frames
         services = Services(
             table,
             zenoh_session,
@@ -229,14 +231,22 @@ class Composition:
             },
         )
         peers = PeerTable(runner, self._traffic)
-        stream_status = StreamStatus(runner, self._traffic, lambda: routes.jobs)
+        stream_status = StreamStatus(
+            runner, self._traffic, lambda: routes.jobs, streams.topics.intake
+        )
         sections = (
             link,
             peers,
             stream_status,
             objects,
             self._frames,
-            Dropped(runner, self._input_errors, streams.topics, self._queries, self._zenoh_session),
+            Dropped(
+                runner,
+                self._input_errors,
+                streams.topics.intake,
+                self._queries,
+                self._zenoh_session,
+            ),
             self._recent_events,
             PeerStatus(runner, clock=self._clock, unix_s=dates.unix_s),
             lost_contact,

@@ -48,6 +48,7 @@ silent. Nor do devices that hear while they send; DESERT counts as one, since it
 waiting, with a few hundredths of sound.
 """
 
+from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S
@@ -182,13 +183,18 @@ class Listening(OtherRuns):
         self._ends_run = True
 
     def controls(
-        self, room_bytes: int, backlog_bytes: int, now: int, *, has_object: bool = False
+        self,
+        room_bytes: int,
+        has_bytes: Callable[[int], bool],
+        now: int,
+        *,
+        has_object: bool = False,
     ) -> bytes:
         """Return the announcement of the pause, if it is worth it.
 
         Args:
             room_bytes: Room left in the frame, which starts now, bytes.
-            backlog_bytes: Size of all waiting payloads, this frame's included.
+            has_bytes: Tells whether at least so many bytes wait, this frame's included.
             now: The instant.
             has_object: An object is being sent. Its fragments have no room for a TURN, so any other
                 frame with room carries one, in every run.
@@ -199,7 +205,7 @@ class Listening(OtherRuns):
         runs = 1 if has_object else ANNOUNCED_RUNS
         told = self._runs_since_announcement + begins_anew < runs
         full_frames = self.frames_before_pause(now) + _BACKLOG_FRAMES
-        if told or (backlog_bytes < full_frames * room_bytes and not has_object):
+        if told or not (has_object or has_bytes(full_frames * room_bytes)):
             return b""
         begin_at = self._told_begin_at(now)
         begun_at = self._run_begun_at

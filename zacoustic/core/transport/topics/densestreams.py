@@ -10,7 +10,9 @@ module tracks the listeners:
   the node sends at most as many counted blocks (`zacoustic.core.values.dense.stream.references`) as
   can be told apart; further blocks are independent.
 - A node acknowledges the newest block that it holds of a source in frames that go there anyway, in
-  three bytes (`DenseAck`), and never makes a frame for that.
+  three bytes (`DenseAck`). It makes a frame for that only where the source fills the link and this
+  node alone listens to it (`offer`): there blocks with a reference save more than such a frame
+  takes, and the source pauses anyway, now and then, to listen.
 - `Savings` counts what blocks save compared with records, and what their acknowledgements cost.
   While the balance is negative, the node sends records: a dense stream costs no more airtime than a
   packed one.
@@ -28,6 +30,8 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import Any, Final
 
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.parts import Offer
+from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.handshake import latest_ns
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
@@ -48,6 +52,10 @@ _WORTH_AN_ACK_BYTES: Final = 6
 # A block that is repeated although it was acknowledged means that the acknowledgement was lost; it
 # is sent again now and then.
 _REPEATED_BYTES: Final = 1
+# So many blocks in a row, each in a full frame, are worth a frame with an acknowledgement.
+_WORTH_A_FRAME: Final = 3
+# Blocks are in a row if they come within so many times the airtime of the largest frame.
+_ROW_FRAMES: Final = 4
 
 
 class _Heard:
@@ -57,6 +65,10 @@ class _Heard:
         self.listener = Listener(codec)
         self.said_mark: int | None = None
         """The mark that was acknowledged last."""
+        self.row = 0
+        """How many blocks have come one after the other since then, each in a full frame."""
+        self.came_at = 0
+        """When the last block came, ns."""
         self.unsaid_bytes = 0
         """Bytes of the blocks since then. A steady stream is the same block again and again until
         its source learns that it is held here, so each repetition counts."""
@@ -75,11 +87,17 @@ class DenseStreams:
         self._table = context.table
         self._handshake = context.handshake
         self._subscriptions = subscriptions
+        self._pacers = context.pacers
+        self._queue = context.queue
         self.savings = Savings()
         """What this node's blocks have saved."""
         self._speaker: Speaker | None = None
         self._counted_at: deque[int] = deque(maxlen=REACH)
         self._heard: dict[int, _Heard] = {}
+        self._row = 0
+        """How many blocks in a row this node has sent, each in a full frame."""
+        self._sent_at = 0
+        """When it sent the last one, ns."""
         context.reception.on(DenseAck, self.acknowledged)
         context.epoch.began.connect(self.epoch_changed)
         context.peers.restarted.connect(self.peer_restarted)
@@ -119,9 +137,19 @@ class DenseStreams:
     def sent(self, encoded: Encoded, now: int) -> None:
         """Record that a block is sent; until then it is a draft."""
         assert self._speaker is not None
+        follows = self._follows(encoded.frame, self._sent_at, now)
+        self._row, self._sent_at = self._row + 1 if follows else 0, now
         if not encoded.is_apart:
             self._counted_at.append(now)
         self._speaker.sent(encoded)
+
+    @property
+    def fills_link(self) -> bool:
+        """Whether block after block of this node fills a frame, and one node listens to them.
+
+        If that node knows the pauses of this one, it acknowledges them there.
+        """
+        return self._row >= _WORTH_A_FRAME and len(self._hearers()) == 1
 
     def acknowledged(self, heard: Heard, ack: DenseAck) -> str | None:
         """Take a peer's acknowledgement; return why it is dropped, or None."""
@@ -133,6 +161,17 @@ class DenseStreams:
         return None
 
     # Blocks of other nodes
+
+    def due_at(self, now: int) -> int | None:
+        """Return when to make a frame for an acknowledgement, ns; None: it is not worth one."""
+        return now if self._asking(now) is not None else None
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer a frame for an acknowledgement."""
+        source = self._asking(now)
+        if source is None:
+            return None
+        return Offer(destination=source, must_go=Cause.ACK, is_reply=True)
 
     def concerns_us(self, source: int, destination: int) -> bool:
         """Return whether this node can decode the blocks from a source to `destination`.
@@ -152,7 +191,9 @@ class DenseStreams:
             )
         )
 
-    def receive(self, source: int, block: bytes) -> tuple[tuple[int, dict[str, Any]], ...]:
+    def receive(
+        self, source: int, block: bytes, now: int
+    ) -> tuple[tuple[int, dict[str, Any]], ...]:
         """Decode the block of a source that has the same table; return stream ids and values.
 
         Raises:
@@ -169,6 +210,8 @@ class DenseStreams:
         decoded = heard.listener.decode(block, alone=heard.said_mark is None)
         is_unsaid = heard.listener.mark != heard.said_mark
         heard.unsaid_bytes += len(block) if is_unsaid else _REPEATED_BYTES
+        follows = self._follows(block, heard.came_at, now)
+        heard.row, heard.came_at = heard.row + 1 if follows else 0, now
         # Copy: a repeated block is decoded only once, and an application may change its values.
         return copy.deepcopy(decoded.samples)
 
@@ -186,6 +229,7 @@ class DenseStreams:
             if len(taken) + len(ack) <= room_bytes:
                 taken += ack
                 heard.said_mark, heard.unsaid_bytes = heard.listener.mark, 0
+                heard.row = 0
         return taken
 
     # Changes
@@ -215,6 +259,28 @@ class DenseStreams:
     def _latest_ns(self) -> int:
         """The longest time from the start of a block's transmission to its arrival, ns."""
         return latest_ns(self._handshake.settling_ns)
+
+    def _follows(self, block: bytes, since: int, now: int) -> bool:
+        """Return whether a block fills a frame, soon after the one before."""
+        times, largest_bytes = self._pacers.times, self._queue.largest_bytes
+        if times is None or largest_bytes is None:
+            return False
+        most_ns = _ROW_FRAMES * times.airtime_ns(times.mtu_bytes)
+        return now - since <= most_ns and len(block) * 2 > largest_bytes
+
+    def _asking(self, now: int) -> int | None:
+        """Return the source whose blocks are worth a frame with an acknowledgement, or None."""
+        listening = self._pacers.times.listening if self._pacers.times is not None else None
+        if listening is not None and listening.next_invitation_at(now, now) is None:
+            return None  # it would meet a frame of the source: its pauses are not known
+        for source, heard in self._heard.items():
+            if heard.row >= _WORTH_A_FRAME and self._listens_alone(source):
+                return source
+        return None
+
+    def _listens_alone(self, source: int) -> bool:
+        """Return whether no other node listens to the blocks of a source."""
+        return self._listeners(self._streams_of(source)) - {source} == {self._address}
 
     def _streams_of(self, source: int) -> list[Stream]:
         return [
@@ -254,6 +320,9 @@ class DenseStreams:
         return {each for each in subscribers if not self._handshake.knows_difference(each)}
 
     def _subscribers(self, streams: Iterable[Stream]) -> set[int]:
+        return self._listeners(streams) - {self._address}
+
+    def _listeners(self, streams: Iterable[Stream]) -> set[int]:
         found: set[int] = set()
         for stream in streams:
             assert isinstance(stream.spec, TopicSpec)
@@ -263,4 +332,4 @@ class DenseStreams:
             if listed is None:
                 listed = tuple(self._table.nodes) or tuple(self._handshake.peers())
             found.update(listed)
-        return found - {self._address}
+        return found

@@ -363,7 +363,7 @@ class Topics:
         if not self.dense.concerns_us(heard.source, heard.frame.destination):
             return "not_subscriber"
         try:
-            samples = self.dense.receive(heard.source, block.block)
+            samples = self.dense.receive(heard.source, block.block, heard.now)
         except ReferenceUnknownError:
             heard.misses_reference()
             return "dense"

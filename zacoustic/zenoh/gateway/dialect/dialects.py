@@ -68,7 +68,8 @@ class TopicDialect(ABC):
 
     def __init__(self, stream: Stream, zenoh_session: ZenohSession) -> None:
         self.stream = stream
-        self._zenoh_session = zenoh_session
+        self.zenoh_session = zenoh_session
+        """The session of its declarations."""
         self._latched: LatchedKeys | None = None
         if stream.qos.durability is Durability.TRANSIENT_LOCAL:
             self._latched = LatchedKeys(stream.qos.depth, zenoh_session, stream.qos.priority)
@@ -119,7 +120,7 @@ class TopicDialect(ABC):
         if self._latched is not None:
             self._latched.put(key, written.payload, written.encoding, written.attachment)
             return
-        self._zenoh_session.put(
+        self.zenoh_session.put(
             key,
             written.payload,
             encoding=written.encoding,
@@ -131,7 +132,7 @@ class TopicDialect(ABC):
         """Delete a key on the local network."""
         if self._latched is not None:
             self._latched.forget(key)
-        self._zenoh_session.delete(
+        self.zenoh_session.delete(
             key, priority=self.stream.qos.priority, attachment=Marker(acoustic=source).encode()
         )
 
@@ -140,14 +141,14 @@ class TopicDialect(ABC):
     ) -> Sequence[Declared]:
         """Subscribe to local samples, for a latched topic also to earlier ones; in the worker."""
         if self._latched is None:
-            subscriber = self._zenoh_session.session.declare_subscriber(
+            subscriber = self.zenoh_session.session.declare_subscriber(
                 zenoh.KeyExpr(expression),
-                self._zenoh_session.callback(take),
+                self.zenoh_session.callback(take),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
             return [subscriber]
         depth = self.stream.qos.depth
-        return [latched_subscriber(self._zenoh_session, expression, take, depth)]
+        return [latched_subscriber(self.zenoh_session, expression, take, depth)]
 
     def offer(self, sources: Sequence[int]) -> Sequence[Declared]:
         """Declare the publishers of remote nodes here; in the worker."""

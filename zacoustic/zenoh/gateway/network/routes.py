@@ -134,8 +134,7 @@ class Routes:
         if job == FORWARD:
             dialect = self._streams.topics.dialects[stream_id]
             expression = dialect.key(stream.keys.expression(self._redundant.address))
-            post = partial(self._streams.topics.post, stream_id)
-            return list(dialect.subscribe(expression, post))
+            return list(self._streams.topics.intake.subscribe(stream_id, expression))
         declared: list[Declared] = []
         keys, serve = self._served(job, stream)
         for key in keys:

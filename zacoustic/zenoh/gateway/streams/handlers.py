@@ -38,6 +38,7 @@ class StreamHandlers:
 
     def close(self) -> None:
         """Stop asking the local network."""
+        self.topics.intake.close()
         self.matching.close()
         self.services.close()
         self.actions.close()

@@ -4,15 +4,12 @@ The topic's dialect defines their local form. A sample that cannot be read or th
 allow is counted and reported as an input error; it does no harm.
 """
 
-import asyncio
 from collections.abc import Callable, Mapping
 from typing import Final
 
 import msgspec
-import zenoh
 
-from zacoustic.core.base.clock import Clock, ns_to_seconds, seconds_to_ns
-from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.clock import Clock, seconds_to_ns
 from zacoustic.core.base.qos import Priority, Reliability
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import SampleReceived
@@ -21,9 +18,10 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects, Reading, Written
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue, LastValues
-from zacoustic.zenoh.gateway.dialect.mailbox import Mailbox, Parcel
+from zacoustic.zenoh.gateway.dialect.mailbox import Parcel
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.gateway.streams.intake import Intake
 from zacoustic.zenoh.gateway.streams.kept import KeptSamples
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
@@ -42,6 +40,7 @@ class Topics:
         kept: Samples of latched topics, in the journal.
         clock: Source of instants.
         ring: Wakes the loop, which then calls `drain`.
+        submit: Runs a step in Zenoh's worker.
     """
 
     def __init__(
@@ -54,25 +53,22 @@ class Topics:
         *,
         clock: Clock,
         ring: Callable[[], None],
+        submit: Callable[[Callable[[], object]], None],
     ) -> None:
         self.last_values = LastValues()
-        self._alarm: asyncio.TimerHandle | None = None
         self._kept = kept
         self._table = table
         self._redundant = redundant
         self._input_errors = input_errors
         self._clock = clock
-        self._ring = ring
         self.dialects = {
             stream.stream_id: dialects.topic(stream)
             for stream in table
             if isinstance(stream.spec, TopicSpec)
         }
         """The local form of each topic, by stream id."""
-        self._mailboxes = {
-            stream_id: Mailbox(dialect.stream.qos.depth)
-            for stream_id, dialect in self.dialects.items()
-        }
+        self.intake = Intake(self.dialects, self._turn_ns, clock=clock, ring=ring, submit=submit)
+        """The local samples that the engine does not have yet."""
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore the samples for late joiners from before the restart."""
@@ -88,40 +84,16 @@ class Topics:
                 Written(payload=value.payload, encoding=value.encoding, attachment=attachment),
             )
 
-    def post(self, stream_id: int, sample: zenoh.Sample) -> None:
-        """Keep a local sample for the loop; on Zenoh's thread."""
-        attachment = sample.attachment
-        dialect = self.dialects[stream_id]
-        if attachment is not None and dialect.is_marked(attachment.to_bytes()):
-            return  # it came from the channel
-        self._mailboxes[stream_id].post(
-            Parcel(
-                str(sample.key_expr),
-                sample.payload.to_bytes(),
-                str(sample.encoding),
-                sample.kind == zenoh.SampleKind.DELETE,
-                self._clock(),
-            )
-        )
-        self._ring()
-
     def drain(self, engine: Engine, now: int) -> None:
-        """Publish the local samples when it is this gateway's turn."""
-        later: list[int] = []
-        for stream_id, mailbox in self._mailboxes.items():
-            stream = self._table.by_id(stream_id)
-            due_at = (mailbox.oldest_at or now) + self._turn_ns(stream, engine.capabilities)
-            if due_at > now:
-                later.append(due_at)
-                continue
-            for parcel in mailbox.take():
+        """Publish the local samples that the engine can use."""
+        for stream, parcels in self.intake.due(engine, now):
+            for parcel in parcels:
                 self._forward(engine, stream, parcel, now)
-        if self._alarm is not None:
-            self._alarm.cancel()
-            self._alarm = None
-        if later:
-            later_s = ns_to_seconds(min(later) - now)
-            self._alarm = asyncio.get_running_loop().call_later(later_s, self._ring)
+
+    def before_frames(self, engine: Engine, now: int) -> None:
+        """Publish the newest local samples, if a frame can be made of them."""
+        if self.intake.has_waited(engine, now):
+            self.drain(engine, now)
 
     def deliver(self, event: SampleReceived) -> None:
         """Put a received sample on the local network, and keep it for `answer`."""
@@ -176,18 +148,9 @@ class Topics:
             ]
         )
 
-    def losses(self) -> dict[str, dict[str, int]]:
-        """Return the losses of mailboxes, by stream and reason, if any."""
-        found = {}
-        for stream_id, mailbox in self._mailboxes.items():
-            lost = {"superseded": mailbox.superseded, "oversized": mailbox.oversized}
-            if any(lost.values()):
-                name = self._table.by_id(stream_id).name
-                found[name] = {reason: count for reason, count in lost.items() if count}
-        return found
-
-    def _turn_ns(self, stream: Stream, link: LinkCapabilities | None) -> int:
+    def _turn_ns(self, stream: Stream, engine: Engine) -> int:
         """Return how long a sample waits for frames of earlier gateways about the same event."""
+        link = engine.capabilities
         can_wait = (
             stream.qos.reliability is Reliability.BEST_EFFORT
             and stream.qos.priority is not Priority.REAL_TIME

@@ -165,9 +165,7 @@ class ReliableSending:
 
     def is_delivering(self, delivery_id: int) -> bool:
         """Return whether a sample has not ended."""
-        return any(
-            sample.delivery_id == delivery_id for lane in self._lanes for sample in lane.samples
-        )
+        return delivery_id in self._lanes.under_way
 
     # For the link
 
@@ -185,7 +183,7 @@ class ReliableSending:
                     sample.due_at = AT_ONCE
                 is_large = sample.stage is Stage.OBJECT
                 if sample.expires_at is None and lifespan_s is not None and not is_large:
-                    sample.expires_at = now + seconds_to_ns(lifespan_s)
+                    lane.expire(sample, now + seconds_to_ns(lifespan_s))
             self._go_on(lane, now)
 
     # For the channel
@@ -324,17 +322,15 @@ class ReliableSending:
             sent = (sample for sample in lane.active() if may_repeat and lane.awaits(sample))
             instants += (self._pacing.ready_at(lane, sample) for sample in sent)
             if self._table.by_id(lane.key[0]).qos.lifespan_s is not None:
-                ends = (sample.expires_at for sample in lane.samples)
-                instants += (at for at in ends if at is not None)
+                instants += filter(None, [lane.expires_at])
         return min(instants, default=None)
 
     def _go_on_all(self, now: int) -> None:
         """End expired samples, and repeat those that are due."""
         self._paced_until = None
         for lane in self._lanes:
-            for sample in list(lane.samples):
-                if sample.expires_at is not None and sample.expires_at <= now:
-                    self.slots.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
+            for sample in lane.expired(now):
+                self.slots.give_up(lane, sample, DeliveryOutcome.EXPIRED, now)
             self._advance(lane, now)
         self._pacers.repeat(now)
 
@@ -415,8 +411,9 @@ class ReliableSending:
     def _mark(self, lane: SendLane, source: int, expected: int, held: int, now: int) -> None:
         """Note which samples a receiver has, and make due those that it must have missed."""
         latest: Outgoing | None = None
-        had_gap = any(source in each.held for each in lane.samples)
-        for sample in lane.samples:
+        had_gap = any(source in each.held for each in lane.named())
+        lane.name(expected + held.bit_length() + 1)
+        for sample in lane.named():
             if sample.stage is Stage.OBJECT:
                 continue  # its object has feedback of its own
             ahead = sample.number - expected - 1

@@ -1,8 +1,11 @@
 """The samples of one key that some receiver has not acknowledged."""
 
 import enum
+from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterator, Set
+from heapq import heappop, heappush
+from itertools import chain, islice, takewhile
 from typing import Final
 
 import msgspec
@@ -76,7 +79,7 @@ class Outgoing:
     )  # fmt: skip
 
     def __init__(
-        self, number: int, delivery_id: int, waiting: Waiting, expires_at: int | None
+        self, number: int, delivery_id: int, waiting: "SampleWaiting", expires_at: int | None = None
     ) -> None:
         self.number = number
         self.delivery_id = delivery_id
@@ -131,6 +134,9 @@ class SampleWaiting(Waiting):
 class SendLane:
     """Samples of one key in the order of their numbers.
 
+    Thousands may wait, and few of them are under way: whatever is done for each frame looks at
+    those alone (`active`, `named`).
+
     Args:
         key: Key of its lane in the transmit queue: stream id first, then wildcards.
         receivers: Addresses that should get each sample.
@@ -141,6 +147,7 @@ class SendLane:
         rhythm: Learns the rhythm of the samples; None: each sample is acknowledged.
         numbering: How samples are numbered.
         may_aim: Whether a sample that few of many receivers lack is repeated to each of them alone.
+        under_way: Gets its samples by their delivery ids, until they end.
     """
 
     def __init__(
@@ -155,8 +162,10 @@ class SendLane:
         rhythm: SendRhythm | None = None,
         may_aim: bool = False,
         numbering: SampleNumbering = SIZES.samples,
+        under_way: dict[int, Outgoing] | None = None,
     ) -> None:
         self._numbering = numbering
+        self._under_way = {} if under_way is None else under_way
         self.key = key
         self._may_aim = may_aim
         self.is_journalled = is_journalled
@@ -174,7 +183,13 @@ class SendLane:
         self.anew_at: int | None = None
         """The number at which the count was last begun anew; None: never."""
         self.samples: deque[Outgoing] = deque()
+        self._large: dict[int, Outgoing] = {}
+        """Those of them that cross as objects, by delivery id."""
+        self._expiring: list[tuple[int, int, Outgoing]] = []
+        """A heap of instants, delivery ids and samples; also of those that have ended since."""
         self._end = next_number
+        self._named_end = next_number
+        """No acknowledgement or refusal has named this number or a later one."""
         self._marks: deque[tuple[int, int]] = deque()
         """Instants at which numbers came into use lately, with the first of those numbers."""
         self.receptions = {address: Reception(next_number) for address in receivers}
@@ -255,9 +270,12 @@ class SendLane:
             delimits_itself=stream.codec.delimits_itself or kept.prefix[:1] == _DELETE,
             queued_at=queued_at,
         )
-        sample = Outgoing(number, kept.delivery_id, waiting, expires_at)
+        sample = Outgoing(number, kept.delivery_id, waiting)
         waiting.lane, waiting.sample = self, sample
         self.samples.append(sample)
+        self._under_way[sample.delivery_id] = sample
+        if expires_at is not None:
+            self.expire(sample, expires_at)
         return sample
 
     def insert(self, stream: Stream, kept: JournalledSample, number: int) -> Outgoing:
@@ -265,8 +283,12 @@ class SendLane:
         end, self.next_number = self.next_number, number
         sample = self.add(stream, kept, queued_at=0, expires_at=None)
         self.next_number = max(self.next_number, end)
-        others = [each for each in self.samples if each.number != number]
-        self.samples = deque(sorted([*others, sample], key=lambda each: each.number))
+        self.samples.pop()
+        index = bisect_left(self.samples, number, key=lambda each: each.number)
+        if index < len(self.samples) and self.samples[index].number == number:
+            self._left(self.samples[index])
+            del self.samples[index]
+        self.samples.insert(index, sample)
         for reception in self.receptions.values():
             reception.expected = min(reception.expected, number)
         return sample
@@ -277,6 +299,44 @@ class SendLane:
             if sample.number >= self._end:
                 return
             yield sample
+
+    def named(self) -> Iterator[Outgoing]:
+        """Yield the samples that may have been sent, or that a receiver has named."""
+        end = max(self._end, self._named_end)
+        return takewhile(lambda each: each.number < end, self.samples)
+
+    def name(self, end: int) -> None:
+        """Note that a receiver has named samples before this number."""
+        self._named_end = max(self._named_end, end)
+
+    def enlarge(self, sample: Outgoing) -> None:
+        """Note that a sample crosses as an object."""
+        sample.stage = Stage.OBJECT
+        self._large[sample.delivery_id] = sample
+
+    def expire(self, sample: Outgoing, at: int) -> None:
+        """Set the instant after which a sample is worthless, ns."""
+        if sample.expires_at == at:
+            return
+        sample.expires_at = at
+        heappush(self._expiring, (at, sample.delivery_id, sample))
+
+    @property
+    def expires_at(self) -> int | None:
+        """The earliest instant at which a sample expires, ns; None: none does."""
+        while self._expiring:
+            at, _, sample = self._expiring[0]
+            if sample.stage is not Stage.ENDED and sample.expires_at == at:
+                return at
+            heappop(self._expiring)
+        return None
+
+    def expired(self, now: int) -> list[Outgoing]:
+        """Return the samples that have expired, by number, for their end; each only once."""
+        samples: list[Outgoing] = []
+        while (at := self.expires_at) is not None and at <= now:
+            samples.append(heappop(self._expiring)[2])
+        return sorted(samples, key=lambda each: each.number)
 
     def open(self, now: int, settling_ns: int) -> int | None:
         """Take numbers into use; return when to try again because of the pace, ns, or None."""
@@ -296,14 +356,18 @@ class SendLane:
         If neither it nor any sample behind it was ever sent, those behind move up by one number,
         unless the numbers are journalled.
         """
-        index = self.samples.index(sample)
-        behind = list(self.samples)[index + 1 :]
+        was_sent = any(
+            each.tries or each.stage is Stage.ON_AIR
+            for each in chain((sample,), self.active())
+            if each.number >= sample.number
+        )
+        was_sent |= any(each.number >= sample.number for each in self._large.values())
+        index = 0 if sample is self.samples[0] else self.samples.index(sample)
         del self.samples[index]
-        fixed = (Stage.ON_AIR, Stage.OBJECT)
-        was_sent = any(each.tries or each.stage in fixed for each in (sample, *behind))
+        self._left(sample)
         if self.is_journalled or was_sent:
             return True
-        for other in behind:
+        for other in islice(self.samples, index, None):
             other.number -= 1
             other.waiting.head = other.waiting.head[:-1] + self.number_byte(other.number)
         self.next_number -= 1
@@ -473,6 +537,7 @@ class SendLane:
 
     def skip(self, sample: Outgoing, address: int) -> None:
         """Skip a sample for a receiver; others may still lack it."""
+        self.name(sample.number + 1)
         sample.acknowledged.add(address)
         self.receptions[address].skips_to = sample.number + 1
 
@@ -480,13 +545,13 @@ class SendLane:
         """Assume that a receiver knows neither lineage nor floor, and lost what it held."""
         self.receptions[address].in_sync = False
         self.receptions[address].settled_at = None
-        for sample in self.samples:
+        for sample in self.named():
             sample.held.discard(address)
 
     def regress(self, address: int, expected: int) -> None:
         """Note that a receiver has lost everything from a number on."""
         self.receptions[address].expected = expected
-        for sample in self.samples:
+        for sample in self.named():
             if sample.number >= expected and sample.stage is not Stage.OBJECT:
                 sample.acknowledged.discard(address)
 
@@ -509,7 +574,12 @@ class SendLane:
     @property
     def _has_large(self) -> bool:
         """Whether a large sample is under way, so that its receiver expects no rhythm."""
-        return any(each.stage is Stage.OBJECT for each in self.samples)
+        return bool(self._large)
+
+    def _left(self, sample: Outgoing) -> None:
+        for samples in (self._under_way, self._large):
+            if samples.get(sample.delivery_id) is sample:
+                del samples[sample.delivery_id]
 
     def _is_present(self, address: int, sync: Sync) -> bool:
         return sync.lineage == self.spans.of(address, self._next_for(address)).lineage

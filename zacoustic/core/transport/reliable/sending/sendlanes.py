@@ -12,7 +12,7 @@ from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.reliable.rhythm import SendRhythm
 from zacoustic.core.transport.reliable.sending.keeping import JournalledLane
-from zacoustic.core.transport.reliable.sending.sendlane import SendLane, Stage
+from zacoustic.core.transport.reliable.sending.sendlane import Outgoing, SendLane, Stage
 from zacoustic.core.transport.reliable.spans import LINEAGES, Span, Spans
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.errors import LocalError
@@ -49,6 +49,8 @@ class SendLanes:
         """Topics of which others have sent samples in the lineage that this boot epoch would
         begin."""
         self._lanes: dict[LaneKey, SendLane] = {}
+        self.under_way: dict[int, Outgoing] = {}
+        """The samples of all lanes, by delivery id."""
 
     def __iter__(self) -> Iterator[SendLane]:
         return iter(self._lanes.values())
@@ -93,6 +95,7 @@ class SendLanes:
             rhythm=self._rhythm(stream, instance),
             may_aim=not is_pressing,
             numbering=self._numbering,
+            under_way=self.under_way,
         )
         self._lanes[lane.key] = lane
         return lane

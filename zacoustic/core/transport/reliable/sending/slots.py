@@ -103,7 +103,7 @@ class LargeSlots:
         """Give the next slot to a sample that has become an object."""
         lane = self._lanes.of(stream, instance)
         sample = lane.add(stream, _placeholder(delivery_id), queued_at=now, expires_at=None)
-        sample.stage = Stage.OBJECT
+        lane.enlarge(sample)
         self._large[delivery_id] = lane, sample
         self._leave_out(lane, sample, lane.subscribers)
         if lane.is_journalled:
@@ -142,7 +142,7 @@ class LargeSlots:
         if fault:
             self.give_up(lane, sample, DeliveryOutcome.CANCELLED, now, fault)
             return
-        sample.stage = Stage.OBJECT
+        lane.enlarge(sample)
         sample.expires_at = None
         self._large[sample.delivery_id] = lane, sample
         self._leave_out(lane, sample, lane.subscribers)
@@ -175,7 +175,7 @@ class LargeSlots:
         reception = lane.receptions.get(address)
         if reception is not None:
             reception.expected = max(reception.expected, sample.number + 1)
-        for each in lane.samples:
+        for each in lane.named():
             # The receiver now acknowledges what it held behind this sample, or that ACK is lost.
             if each.number > sample.number and address in each.held:
                 each.held.discard(address)
@@ -217,7 +217,7 @@ class LargeSlots:
         A receiver that waits for a sample that will not come for it is marked for SYNC.
         """
         self._has_handed_on(lane, address, expected, now)
-        holds = any(address in each.held for each in lane.samples)
+        holds = any(address in each.held for each in lane.named())
         if holds and lane.floor_of(address) > expected:
             self._lose(lane, address)
 
@@ -243,13 +243,13 @@ class LargeSlots:
 
     def cancel(self, delivery_id: int, now: int) -> bool:
         """Cancel a small sample; return False when it is not under way."""
-        for lane in self._lanes:
-            for sample in lane.samples:
-                if sample.delivery_id == delivery_id and sample.stage is not Stage.OBJECT:
-                    self.give_up(lane, sample, DeliveryOutcome.CANCELLED, now)
-                    self._go_on(lane, now)
-                    return True
-        return False
+        sample = self._lanes.under_way.get(delivery_id)
+        if sample is None or sample.stage is Stage.OBJECT:
+            return False
+        lane = sample.waiting.lane
+        self.give_up(lane, sample, DeliveryOutcome.CANCELLED, now)
+        self._go_on(lane, now)
+        return True
 
     def give_up(
         self,
@@ -284,7 +284,7 @@ class LargeSlots:
             return False
         sample = lane.insert(stream, _placeholder(delivery_id), slot.number)
         lane.born = max(lane.born, slot.number + 1)
-        sample.stage = Stage.OBJECT
+        lane.enlarge(sample)
         self._large[delivery_id] = lane, sample
         self._leave_out(lane, sample, frozenset(receivers))
         self._leave_out(lane, sample, lane.subscribers)
@@ -300,8 +300,9 @@ class LargeSlots:
 
     def _has_handed_on(self, lane: SendLane, address: int, end: int, now: int) -> None:
         """Mark each sample before a number as acknowledged, and tell its object, if it has one."""
-        for each in list(lane.samples):
-            if each.number < end and address not in each.acknowledged:
+        lane.name(end)
+        for each in [each for each in lane.named() if each.number < end]:
+            if address not in each.acknowledged:
                 each.acknowledged.add(address)
                 if each.stage is Stage.OBJECT and self.sender is not None:
                     self.sender.handed_on(each.delivery_id, address, now)

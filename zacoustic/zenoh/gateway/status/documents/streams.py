@@ -10,6 +10,7 @@ from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, To
 from zacoustic.core.streams.table import Stream
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.status.traffic import Traffic
+from zacoustic.zenoh.gateway.streams.intake import Intake
 
 _KINDS: Final[dict[type[StreamSpec], str]] = {
     TopicSpec: "topic",
@@ -25,11 +26,17 @@ class StreamStatus:
         runner: Runs the engine that carries them.
         traffic: Knows when they crossed.
         jobs: Jobs of this gateway: job and stream id.
+        intake: Has the samples that have not reached the engine.
     """
 
     def __init__(
-        self, runner: LinkRunner, traffic: Traffic, jobs: Callable[[], frozenset[tuple[str, int]]]
+        self,
+        runner: LinkRunner,
+        traffic: Traffic,
+        jobs: Callable[[], frozenset[tuple[str, int]]],
+        intake: Intake,
     ) -> None:
+        self._intake = intake
         self._runner = runner
         self._traffic = traffic
         self._jobs = jobs
@@ -60,7 +67,7 @@ class StreamStatus:
 
     def _streams(self) -> dict[str, object]:
         engine, stats = self._engine, self._engine.stats
-        jobs = self._jobs()
+        jobs, superseded = self._jobs(), self._intake.superseded()
         return {
             "digest": engine.table.digest.hex(),
             "streams": [
@@ -69,10 +76,12 @@ class StreamStatus:
                     "name": stream.name,
                     "kind": _KINDS[type(stream.spec)],
                     "jobs": sorted(job for job, of in jobs if of == stream.stream_id),
-                    "published": stats.published.get(stream.stream_id, 0),
+                    "published": stats.published.get(stream.stream_id, 0)
+                    + superseded.get(stream.stream_id, 0),
                     "transmitted": stats.transmitted.get(stream.stream_id, 0),
                     "received": stats.received.get(stream.stream_id, 0),
-                    "waiting": engine.pending(stream.stream_id),
+                    "waiting": engine.pending(stream.stream_id)
+                    + self._intake.waiting(stream.stream_id),
                     **self._traffic.of_stream(stream.stream_id),
                     **self._missed(stream),
                     **self._deliveries(stream),
