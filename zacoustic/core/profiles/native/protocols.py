@@ -11,7 +11,6 @@ from collections.abc import Sequence, Set
 from types import MappingProxyType
 from typing import Final
 
-from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
 from zacoustic.core.peers.contact import PeerFound, PeerLost
@@ -39,6 +38,7 @@ from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
 from zacoustic.core.transport.publication import Publication
+from zacoustic.core.transport.subscriptions.announcing import Announcing, has_lived
 from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed
 from zacoustic.core.transport.topics.topics import Topics
@@ -96,8 +96,10 @@ class Protocols(Profile):
             context.others,
             contact.heartbeat_s,
             context.generators.of("contact"),
-            announces=contact.announces and _has_lived(context),
+            announces=contact.announces and has_lived(context),
         )
+        if contact.announces:
+            Announcing(context, self.subscriptions, self.heartbeats.announce)
         self.services: Services = Services(context, self.repeater)
         self.actions: Actions = Actions(context, self.repeater)
         self.topics = Topics(
@@ -380,11 +382,6 @@ class Protocols(Profile):
     def handle_timeout(self, now: int) -> None:
         """Do, while the node is awake, the work that has no timer of its own."""
         self.topics.awake(now)
-
-
-def _has_lived(context: Context) -> bool:
-    """Return whether the journal shows an earlier start of this node."""
-    return int.from_bytes(context.stored.get(LIFE_KEY, b""), "big") > 1
 
 
 def make_transports(

@@ -162,6 +162,8 @@ class Topics:
         is_reliable = stream.qos.reliability is Reliability.RELIABLE
         if is_reliable:
             self.sending.check(stream)
+        if stream.is_on_demand:
+            self._subscriptions.published(stream, now)
         if self._subscriptions.subscribers(stream) == frozenset():
             count(self._stats.published, stream.stream_id)
             count(self._stats.unsubscribed, stream.stream_id)
