@@ -98,8 +98,9 @@ class Protocols(Profile):
             context.generators.of("contact"),
             announces=contact.announces and has_lived(context),
         )
+        self._announcing: Announcing | None = None
         if contact.announces:
-            Announcing(context, self.subscriptions, self.heartbeats.announce)
+            self._announcing = Announcing(context, self.subscriptions, self.heartbeats.announce)
         self.services: Services = Services(context, self.repeater)
         self.actions: Actions = Actions(context, self.repeater)
         self.topics = Topics(
@@ -368,6 +369,8 @@ class Protocols(Profile):
         """Resume the work of all components: the link is up."""
         self._context.doubt.link_up(now)
         self.heartbeats.link_up(now)
+        if self._announcing is not None:
+            self._announcing.link_up(now)
         self.topics.link_up(now)
         self._context.pacers.link_up(now)
         self.services.link_up(now)

@@ -1,4 +1,4 @@
-"""A publisher that may have forgotten its subscribers shows them its boot epoch.
+"""A node that may have forgotten something shows its boot epoch to those who would tell it again.
 
 The problem: without a journal, or with one that is new or in doubt, a publisher does not know who
 subscribed before its start. Its subscribers send their messages again when they hear anything of
@@ -9,12 +9,18 @@ not known to have heard this boot epoch, the publisher transmits one small frame
 the epoch. The pauses between such frames double, and after some minutes they are a share of the
 time since the first one: some forty frames in a day in which nobody answers. Nothing is published,
 nothing is sent.
+
+A node that has forgotten what late joiners of latched topics get does the same when its link is up
+for the first time, but four times only: their publishers may have nothing to say for hours, and
+send the last samples again when they know the boot epoch (`zacoustic.core.transport.topics`).
 """
 
 from collections.abc import Callable
 from typing import Final
 
 from zacoustic.core.base.journal import LIFE_KEY
+from zacoustic.core.base.qos import Durability
+from zacoustic.core.base.timers import Due
 from zacoustic.core.peers.peer import Pause
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.streams.specs import TopicSpec
@@ -22,6 +28,9 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 
 _LONGEST_PAUSE_UNITS: Final = 256
+_TIMES: Final = 4
+_FIRST_PAUSE_UNITS: Final = 8
+_DOUBLINGS: Final = 2
 
 
 class Announcing:
@@ -38,22 +47,57 @@ class Announcing:
     ) -> None:
         self._address = context.address
         self._link = context.link
+        self._table = context.table
         self._others = context.others
+        self._timers = context.timers
         self._handshake = context.handshake
         self._peers = context.peers
         self._subscriptions = subscriptions
         self._announce = announce
         self._pause = Pause(_LONGEST_PAUSE_UNITS)
+        self._times_left = 0
         if bool(context.doubt.reason) or not has_lived(context):
+            self._times_left = _TIMES
             subscriptions.published.connect(self._published)
+
+    def link_up(self, now: int) -> None:
+        """Note that the link is up: for the first time, it may lack samples of latched topics."""
+        if self._times_left == _TIMES:
+            self._ask(now)
 
     # Below the methods above
 
     def _published(self, stream: Stream, now: int) -> None:
         if now >= self._pause.not_before and self._may_be_forgotten(stream):
             self._pause.use(now, self._handshake.owing.unit_ns)
-            self._handshake.introductions.restarted(self._link)
-            self._announce(now)
+            self._say(now)
+
+    def _ask(self, now: int) -> None:
+        """Show the boot epoch to the publishers of latched topics."""
+        if not self._times_left or all(self._knows_us(each) for each in self._latched_by()):
+            return
+        self._times_left -= 1
+        self._say(now)
+        units = _FIRST_PAUSE_UNITS << _DOUBLINGS * (_TIMES - 1 - self._times_left)
+        at = now + units * self._handshake.owing.unit_ns
+        if self._times_left:
+            self._timers.at((Due.ANNOUNCEMENT,), at, self._ask)
+
+    def _say(self, now: int) -> None:
+        self._handshake.introductions.restarted(self._link)
+        self._announce(now)
+
+    def _latched_by(self) -> set[int]:
+        """Return the nodes whose latched samples are for this one."""
+        return {
+            each
+            for stream in self._table
+            if isinstance(stream.spec, TopicSpec)
+            and stream.qos.durability is Durability.TRANSIENT_LOCAL
+            and stream.may_subscribe(self._address)
+            for each in self._others or stream.spec.publishers or ()
+            if each != self._address and stream.may_publish(each)
+        }
 
     def _may_be_forgotten(self, stream: Stream) -> bool:
         """Return whether a node may have subscribed that has not heard this boot epoch."""

@@ -32,11 +32,13 @@ from zacoustic.core.transport.outcomes import Outcomes
 from zacoustic.core.transport.publication import EncodedSample, Publication, encode_sample
 from zacoustic.core.transport.reliable.receiving.receiving import Arrival, ReliableReceiving
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
+from zacoustic.core.transport.reliable.sending.sendlane import JournalledSample
 from zacoustic.core.transport.reliable.sending.slots import LEAST_ACK_BYTES
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
+from zacoustic.core.transport.topics.latched import LatchedTopics
 from zacoustic.core.transport.topics.successors import Successor, Successors
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.payload import PayloadError, ReferenceUnknownError
@@ -97,6 +99,8 @@ class Topics:
             self.outcomes,
         )
         """Samples that wait for a large one of their key."""
+        self.latched = LatchedTopics(context, self.sending)
+        """Samples for nodes that have forgotten what they had."""
         self.copied = CopiedSamples(context)
         """Best-effort samples, some of which are sent several times."""
         self.carrying: Carrying | None = None
@@ -188,6 +192,7 @@ class Topics:
             expires_at=sample.expires_at,
         )
         lane = (stream.stream_id, SAMPLE_LANE, *sample.instance)
+        self.latched.published(stream, lane, item)
         self.copied.publish(lane, item, stream.qos, now)
         return NO_DELIVERY
 
@@ -273,6 +278,8 @@ class Topics:
                 expires_at=sample.expires_at,
                 delivery_id=successor.delivery_id,
             )
+            kept = JournalledSample(0, sample.prefix, sample.payload, sample.stamped)
+            self.sending.keep_large(stream, sample.instance, kept)
             self.successors.began(stream, sample.instance, now)
             return
         self.sending.publish(

@@ -103,7 +103,7 @@ class LargeSlots:
         """Give the next slot to a sample that has become an object."""
         lane = self._lanes.of(stream, instance)
         sample = lane.add(stream, _placeholder(delivery_id), queued_at=now, expires_at=None)
-        sample.stage = Stage.OBJECT
+        sample.stage, sample.made_of = Stage.OBJECT, None
         self._large[delivery_id] = lane, sample
         self._leave_out(lane, sample, lane.subscribers)
         if lane.is_journalled:
@@ -155,6 +155,8 @@ class LargeSlots:
         if found is None:
             return False  # it has ended
         lane, sample = found
+        if sample.is_again:
+            return False
         if not (lane.is_journalled and sample.waiting.payload):
             return True
         self._keeping.forget(lane, sample)
@@ -284,7 +286,7 @@ class LargeSlots:
             return False
         sample = lane.insert(stream, _placeholder(delivery_id), slot.number)
         lane.born = max(lane.born, slot.number + 1)
-        sample.stage = Stage.OBJECT
+        sample.stage, sample.made_of = Stage.OBJECT, None
         self._large[delivery_id] = lane, sample
         self._leave_out(lane, sample, frozenset(receivers))
         self._leave_out(lane, sample, lane.subscribers)
