@@ -7,7 +7,8 @@ under the address of another node.
 
 The idea: the last samples of each key go to a node once for each of its boot epochs. The epoch must
 be proved: by the seal, or by a CONFIRM, which shows that its sender has heard this node
-(`zacoustic.core.peers.lives`). A node that has begun an epoch is asked for one.
+(`zacoustic.core.peers.lives`). A node that has begun an epoch is asked for one, by a HELLO, and
+later by a HELLO before one of the samples.
 
 - Reliable samples keep their numbers, so a node that has lost nothing drops them, and says so
   (`zacoustic.core.transport.reliable.sending.latched`).
@@ -36,6 +37,9 @@ from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 _EPOCHS: Final = 64
 """So many boot epochs of a node are remembered."""
 _LONGEST_PAUSE_UNITS: Final = 256
+_ANSWER_UNITS: Final = 16
+"""The time in which a node proves its boot epoch, before it is asked again; it doubles."""
+_MOST_ASKED: Final = 5
 _CALM_NS: Final = seconds_to_ns(3600.0)
 """After so long without a round, pauses begin anew, ns."""
 _OVERHEAD_BYTES: Final = 64
@@ -44,13 +48,17 @@ _OVERHEAD_BYTES: Final = 64
 class _Rounds:
     """The rounds for one node."""
 
-    __slots__ = ("epochs", "last_at", "pause")
+    __slots__ = ("asked", "epochs", "last_at", "pause", "proved")
 
     def __init__(self) -> None:
         self.epochs: deque[int] = deque(maxlen=_EPOCHS)
         """Boot epochs that had theirs."""
         self.pause = Pause(_LONGEST_PAUSE_UNITS)
         self.last_at = 0
+        self.asked = 0
+        """How often it was asked for a proof of its present boot epoch."""
+        self.proved: int | None = None
+        """The boot epoch that was proved last."""
 
 
 class LatchedTopics:
@@ -81,29 +89,51 @@ class LatchedTopics:
     # Below the methods above
 
     def _restarted(self, address: int, epoch: int, now: int) -> None:
-        if self._handshake.is_sealed:
+        rounds = self._rounds[address]
+        if not rounds.epochs:
+            rounds.epochs.append(epoch)  # the first one that is known has forgotten nothing
+        elif self._handshake.is_sealed:
             self._proved(address, epoch, now)
-        elif epoch not in self._rounds[address].epochs and self._has_for(address):
-            self._handshake.ask_for_proof(address, now)
+        elif epoch not in rounds.epochs and self._has_for(address):
+            rounds.asked = 0
+            self._ask(address, now)
+
+    def _ask(self, address: int, now: int) -> None:
+        """Ask a node for a proof of its boot epoch, and again if none comes."""
+        rounds = self._rounds[address]
+        self._handshake.ask_for_proof(address, now)
+        if rounds.asked:
+            # A node that knows this one does not answer a HELLO alone, but one before a record.
+            self._sending.give_one_again(address, now)
+        rounds.asked += 1
+        if rounds.asked < _MOST_ASKED:
+            pause_ns = (_ANSWER_UNITS << rounds.asked) * self._handshake.owing.unit_ns
+            self._arm(address, now + pause_ns)
 
     def _proved(self, address: int, epoch: int, now: int) -> None:
         rounds = self._rounds[address]
         if epoch in rounds.epochs:
             return
-        if not rounds.epochs or not self._has_for(address):
-            rounds.epochs.append(epoch)  # the first one that is known has forgotten nothing
+        rounds.proved = epoch
+        if not self._has_for(address):
+            rounds.epochs.append(epoch)
         elif now >= rounds.pause.not_before:
             self._give(address, epoch, now)
         else:
-            self._timers.at(
-                (Due.LATCHED, address), rounds.pause.not_before, partial(self._give_late, address)
-            )
+            self._arm(address, rounds.pause.not_before)
 
-    def _give_late(self, address: int, now: int) -> None:
-        """Begin a round that had to wait, for the present boot epoch."""
-        epoch = self._handshake.peer(address).epoch
-        if epoch is not None and epoch not in self._rounds[address].epochs:
+    def _arm(self, address: int, at: int) -> None:
+        self._timers.at((Due.LATCHED, address), at, partial(self._go_on, address))
+
+    def _go_on(self, address: int, now: int) -> None:
+        """Begin a round that had to wait, or ask again for a proof, for the present boot epoch."""
+        rounds, epoch = self._rounds[address], self._handshake.peer(address).epoch
+        if epoch is None or epoch in rounds.epochs:
+            return
+        if rounds.proved == epoch:
             self._give(address, epoch, now)
+        else:
+            self._ask(address, now)
 
     def _give(self, address: int, epoch: int, now: int) -> None:
         rounds = self._rounds[address]

@@ -85,7 +85,12 @@ class KeptSamples:
                 continue
             self._note((stream.stream_id, entry.key, serial), len(stored[name]))
             passed_ns = max(0, self._wall_clock() - entry.received_utc_ns)
-            age_s = None if entry.age_s is None else entry.age_s + ns_to_seconds(passed_ns)
+            passed_s = ns_to_seconds(passed_ns)
+            lifespan_s = stream.qos.lifespan_s
+            if lifespan_s is not None and (entry.age_s or 0.0) + passed_s >= lifespan_s:
+                self._drop((stream.stream_id, entry.key, serial))
+                continue
+            age_s = None if entry.age_s is None else entry.age_s + passed_s
             yield (
                 stream,
                 LastValue(
@@ -96,6 +101,7 @@ class KeptSamples:
                     source=entry.source,
                     age_s=age_s,
                     received_at=self._clock(),
+                    journalled_s=passed_s,
                 ),
             )
 

@@ -85,7 +85,12 @@ class Topics:
             self.last_values.keep(msgspec.structs.replace(value, attachment=attachment))
             dialect.put(
                 value.key,
-                Written(payload=value.payload, encoding=value.encoding, attachment=attachment),
+                Written(
+                    payload=value.payload,
+                    encoding=value.encoding,
+                    attachment=attachment,
+                    expires_at=value.expires_at(stream.qos.lifespan_s),
+                ),
             )
 
     def post(self, stream_id: int, sample: zenoh.Sample) -> None:
@@ -100,7 +105,7 @@ class Topics:
                 sample.payload.to_bytes(),
                 str(sample.encoding),
                 sample.kind == zenoh.SampleKind.DELETE,
-                self._clock(),
+                self._clock() - dialect.age_ns(sample),
             )
         )
         self._ring()
@@ -156,7 +161,8 @@ class Topics:
         if dialect.is_latched:
             self._kept.keep(stream, value)
         if delivers:
-            dialect.put(key, written)
+            expires_at = value.expires_at(stream.qos.lifespan_s)
+            dialect.put(key, msgspec.structs.replace(written, expires_at=expires_at))
 
     def answer(self, held: HeldQuery, stream_id: int) -> None:
         """Answer a `get` on a topic with the last values of the keys asked for."""

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
+from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.qos import Durability
 from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -45,7 +46,10 @@ class Listeners:
         for key, samples in self._latched.get(stream.stream_id, {}).items():
             if route.key in (None, key):
                 for incoming in tuple(samples):
-                    deliver(incoming)
+                    if not self._has_expired(
+                        stream, incoming, self._runner.apply(lambda engine, now: now)
+                    ):
+                        deliver(incoming)
 
         def stop() -> None:
             if listeners.pop(token, None) is not None:
@@ -85,6 +89,14 @@ class Listeners:
             keys.pop(incoming.key, None)
         else:
             keys.setdefault(incoming.key, deque(maxlen=stream.qos.depth)).append(incoming)
+
+    def _has_expired(self, stream: Stream, incoming: Incoming, now: int) -> bool:
+        """Return whether a sample is older than its lifespan; without a stamp, since it came."""
+        lifespan_s = stream.qos.lifespan_s
+        if lifespan_s is None:
+            return False
+        age_s = ns_to_seconds(now - incoming.received_at) + (incoming.age_s or 0.0)
+        return age_s >= lifespan_s
 
     def _want(self, stream: Stream) -> None:
         """Subscribe to an on-demand topic while it has local subscribers."""

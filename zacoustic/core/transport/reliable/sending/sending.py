@@ -208,15 +208,13 @@ class ReliableSending:
     def give_again(self, address: int, now: int) -> None:
         """Send the delivered samples of latched topics to a node again."""
         for lane in list(self._lanes):
-            stream = self._table.by_id(lane.key[0])
-            if stream.qos.durability is not Durability.TRANSIENT_LOCAL:
-                continue
-            newest = self._latched.again(stream, lane, address, now)
-            if newest is not None:
-                if self.slots.is_large(newest, self._queue.largest_bytes):
-                    lane.release()  # an object waits for the turn of what comes before it
-                self._out_of_sync(lane, address)
-                self._go_on(lane, now)
+            self._give_again(lane, address, now)
+
+    def give_one_again(self, address: int, now: int) -> None:
+        """Send the newest of these samples of one key."""
+        for lane in list(self._latched):
+            if self._give_again(lane, address, now):
+                return
 
     # For the channel
 
@@ -331,6 +329,19 @@ class ReliableSending:
         self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
 
     # Below the methods above
+
+    def _give_again(self, lane: SendLane, address: int, now: int) -> bool:
+        stream = self._table.by_id(lane.key[0])
+        if stream.qos.durability is not Durability.TRANSIENT_LOCAL:
+            return False
+        newest = self._latched.again(stream, lane, address, now)
+        if newest is None:
+            return False
+        if self.slots.is_large(newest, self._queue.largest_bytes):
+            lane.release()  # an object waits for the turn of what comes before it
+        self._out_of_sync(lane, address)
+        self._go_on(lane, now)
+        return True
 
     def _released(self, address: int, now: int) -> None:
         """Make due what waits for a node."""

@@ -2,6 +2,7 @@
 
 import math
 import threading
+import time
 from collections.abc import Sequence
 from typing import Final
 
@@ -64,6 +65,7 @@ class RosTopicDialect(TopicDialect):
         graph: Its endpoints.
         input_errors: Takes the errors of stamps.
         wall_clock: Returns UTC, ns since 1970.
+        clock: Source of instants.
     """
 
     def __init__(
@@ -74,8 +76,9 @@ class RosTopicDialect(TopicDialect):
         graph: Graph,
         input_errors: InputErrors,
         wall_clock: Clock,
+        clock: Clock = time.monotonic_ns,
     ) -> None:
-        super().__init__(stream, zenoh_session)
+        super().__init__(stream, zenoh_session, clock)
         self._topic = topic
         self._graph = graph
         self._input_errors = input_errors
