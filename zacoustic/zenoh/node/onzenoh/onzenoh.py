@@ -177,10 +177,11 @@ class ZenohCarrier:
         """Declare a Zenoh publisher; for a latched topic, one that keeps its last samples."""
         with zenoh_errors(route.name):
             if route.qos.durability is Durability.TRANSIENT_LOCAL:
-                publisher: LatchedPublisher | zenoh.Publisher = LatchedPublisher(
+                latched = LatchedPublisher(
                     self.zenoh_session, route.expression, route.qos.depth, route.qos.priority
                 )
-                publisher.declare()
+                latched.declare()
+                publisher: LatchedPublisher | zenoh.Publisher = latched
             else:
                 publisher = self.zenoh_session.session.declare_publisher(
                     route.expression,
