@@ -7,6 +7,8 @@ reliable ones. `zacoustic.core.wire.content` has the parts of a record.
 from collections.abc import Callable, Mapping, Set
 from typing import Any, Final
 
+import msgspec
+
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.base.stats import count
@@ -156,6 +158,9 @@ class Topics:
     def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""
         stream, spec = self._table.topic_of(self._address, publication.stream_id)
+        if len(publication.instance) < len(stream.keys.wildcards):  # of the only publisher here
+            instance = stream.keys.of_publisher(publication.instance, 0)
+            publication = msgspec.structs.replace(publication, instance=instance)
         stream.keys.key(self._address, publication.instance)
         sample = encode_sample(stream, publication, now)
         if self.carrying is not None and stream.stream_id in self.carrying:

@@ -60,6 +60,8 @@ class Written(msgspec.Struct, frozen=True, kw_only=True):
     """Its attachment."""
     expires_at: int | None = None
     """Instant from which no late joiner gets it, ns; None: never."""
+    publisher: int = 0
+    """Number of its publisher on the remote node."""
 
 
 class TopicDialect(ABC):
@@ -122,6 +124,27 @@ class TopicDialect(ABC):
     def mark_again(self, last: LastValue) -> bytes:
         """Return the attachment of a value from before the restart that is put again."""
 
+    def publisher_of(self, sample: zenoh.Sample) -> bytes:
+        """Return what the network calls a sample's publisher; empty: unknown; on any thread.
+
+        Only of latched topics. Zenoh's samples name it if their publisher numbers them; else their
+        time stamp names its session, or the router that has stamped them.
+        """
+        if self._latched is None:
+            return b""
+        if sample.source_info is not None:
+            return str(sample.source_info.source_id).encode()
+        return b"" if sample.timestamp is None else bytes(sample.timestamp.get_id())
+
+    @property
+    def sees_publishers(self) -> bool:
+        """Return whether the network shows which publishers are there."""
+        return False
+
+    def has_gone(self, publisher: bytes) -> bool:
+        """Return whether a publisher was seen and is there no more."""
+        return False
+
     def age_ns(self, sample: zenoh.Sample) -> int:
         """Return for how long a sample had been in its publisher's cache, ns; on any thread.
 
@@ -144,6 +167,7 @@ class TopicDialect(ABC):
                 written.encoding,
                 written.attachment,
                 expires_at=written.expires_at,
+                source=written.publisher,
             )
             return
         self._zenoh_session.put(

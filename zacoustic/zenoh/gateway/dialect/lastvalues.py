@@ -33,6 +33,8 @@ class LastValue(msgspec.Struct, frozen=True, kw_only=True):
     """Instant at which the frame had arrived, ns."""
     attachment: bytes | None = None
     """Its attachment."""
+    publisher: int = 0
+    """Number of its publisher on the remote node."""
     journalled_s: float = 0.0
     """How long before that it had arrived, by the journal, s; part of its age."""
 

@@ -34,7 +34,8 @@ class Listeners:
         self._runner = runner
         self._table = table
         self._listeners: dict[int, dict[object, tuple[str | None, Deliver]]] = {}
-        self._latched: dict[int, dict[str, deque[Incoming]]] = {}
+        self._latched: dict[int, dict[tuple[str, int], deque[Incoming]]] = {}
+        """The last samples by stream, and by key and publisher."""
 
     def add(self, route: TopicRoute[Any], deliver: Deliver) -> Callable[[], None]:
         """Deliver the samples of a topic, or of one key; return the function that ends it."""
@@ -43,7 +44,7 @@ class Listeners:
         token = object()
         listeners[token] = (route.key, deliver)
         self._want(stream)
-        for key, samples in self._latched.get(stream.stream_id, {}).items():
+        for (key, _), samples in self._latched.get(stream.stream_id, {}).items():
             if route.key in (None, key):
                 for incoming in tuple(samples):
                     if not self._has_expired(
@@ -77,18 +78,20 @@ class Listeners:
             metrics=event.metrics,
         )
         if is_latched:
-            self._keep(stream, incoming)
+            self._keep(stream, incoming, stream.keys.publisher(event.instance))
         for wanted, take in tuple(listeners.values()):
             if wanted in (None, key):
                 take(incoming)
 
-    def _keep(self, stream: Stream, incoming: Incoming) -> None:
+    def _keep(self, stream: Stream, incoming: Incoming, publisher: int) -> None:
         """Keep a sample of a latched topic; keep nothing for a deleted key."""
         keys = self._latched.setdefault(stream.stream_id, {})
         if incoming.deleted:
-            keys.pop(incoming.key, None)
+            for place in [place for place in keys if place[0] == incoming.key]:
+                del keys[place]
         else:
-            keys.setdefault(incoming.key, deque(maxlen=stream.qos.depth)).append(incoming)
+            place = (incoming.key, publisher)
+            keys.setdefault(place, deque(maxlen=stream.qos.depth)).append(incoming)
 
     def _has_expired(self, stream: Stream, incoming: Incoming, now: int) -> bool:
         """Return whether a sample is older than its lifespan; without a stamp, since it came."""

@@ -6,6 +6,8 @@ import time
 from collections.abc import Sequence
 from typing import Final
 
+import zenoh
+
 from zacoustic.core.base.clock import Clock, seconds_to_ns
 from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.streams.table import Stream
@@ -104,6 +106,21 @@ class RosTopicDialect(TopicDialect):
         """Return whether its gid belongs to a gateway."""
         read = read_attachment(attachment)
         return read is not None and self._graph.is_gateway(read.gid)
+
+    def publisher_of(self, sample: zenoh.Sample) -> bytes:
+        """Return the gid of a message's publisher."""
+        attachment = None if sample.attachment is None else sample.attachment.to_bytes()
+        read = None if attachment is None else read_attachment(attachment)
+        return b"" if read is None or not self.is_latched else read.gid
+
+    @property
+    def sees_publishers(self) -> bool:
+        """Return that it does, by tokens."""
+        return True
+
+    def has_gone(self, publisher: bytes) -> bool:
+        """Return whether the token of a publisher was there and is gone."""
+        return self._graph.has_gone(publisher)
 
     def read(self, parcel: Parcel) -> Reading:
         """Read CDR; if the stamp becomes an age, it gives the sample its age."""
