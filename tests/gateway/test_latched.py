@@ -247,8 +247,8 @@ def test_late_joiners_get_the_last_samples_of_each_publisher_and_none_that_is_to
             cache.put(b"next", encoding="zenoh/bytes")
             assert await third.payload() == b"next"
             cache.undeclare()
-            late.close()
-            server.close()
+            late.close()  # type: ignore[no-untyped-call]
+            server.close()  # type: ignore[no-untyped-call]
 
     run(main())
 
