@@ -26,10 +26,13 @@ from tests.gateway.rosnode import LATCHED, Node, ros_session
 from tests.gateway.rospair import SECTION as ROS_SECTION
 from tests.gateway.rospair import STRING
 from zacoustic.config import config_from_mapping
+from zacoustic.core.base.qos import Priority
 from zacoustic.gateway import Gateway
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
 from zacoustic.zenoh.gateway.streams.kept import KeptSamples
+from zacoustic.zenoh.gateway.streams.localpublishers import LocalPublishers
+from zacoustic.zenoh.session.latching import LatchedPublisher
 from zacoustic.zenoh.session.marker import is_marked
 
 SENSORS: Final = [{"name": "sensor", "values": ["ctd", "sonar"]}]
@@ -208,11 +211,76 @@ def test_late_joiners_have_it_after_the_gateway_was_restarted() -> None:
     run(main())
 
 
+class Bare:
+    """A session as the cache uses it."""
+
+    def __init__(self, session: zenoh.Session) -> None:
+        self.session = session
+
+    def callback(self, function: Any) -> Any:
+        return zenoh.handlers.Callback(function)
+
+
+def test_late_joiners_get_the_last_samples_of_each_publisher_and_none_that_is_too_old() -> None:
+    async def main() -> None:
+        now = 0
+        with zenoh_router() as port:
+            server = zenoh.open(zenoh_config("client", connect=port))
+            late = zenoh.open(zenoh_config("client", connect=port))
+            bare: Any = Bare(server)
+            cache = LatchedPublisher(bare, "tf_static", 1, Priority.DATA, clock=lambda: now)
+            cache.put(b"waits for the declaration", encoding="zenoh/bytes", source=7)
+            cache.declare()
+            for source, expires_at in enumerate((None, 10, 1000)):
+                for payload in (b"old", b"new"):
+                    said = payload + b" %d" % source
+                    cache.put(said, encoding="zenoh/bytes", source=source, expires_at=expires_at)
+            first = Heard(late, "tf_static", history=1)
+            payloads = [await first.payload() for _ in range(4)]
+            assert payloads == [b"waits for the declaration", b"new 0", b"new 1", b"new 2"]
+            now = 10
+            second = Heard(late, "tf_static", history=1)
+            payloads = [await second.payload() for _ in range(3)]
+            assert payloads == [b"waits for the declaration", b"new 0", b"new 2"]
+            cache.clear()
+            third = Heard(late, "tf_static", history=1)
+            cache.put(b"next", encoding="zenoh/bytes")
+            assert await third.payload() == b"next"
+            cache.undeclare()
+            late.close()  # type: ignore[no-untyped-call]
+            server.close()  # type: ignore[no-untyped-call]
+
+    run(main())
+
+
+def test_a_publisher_that_starts_again_takes_the_number_of_one_that_has_gone() -> None:
+    told: list[str] = []
+    gone: set[bytes] = set()
+    seen = LocalPublishers(2, gone.__contains__, told.append, sees_them=True)
+    assert [seen.number("tf", each) for each in (b"a", b"b", b"a", b"b")] == [0, 1, 0, 1]
+    gone.add(b"a")
+    assert seen.number("tf", b"c") == 0
+    assert not told
+    assert seen.number("tf", b"d") == 1
+    assert "more than 2 publishers" in told[0]
+    assert seen.numbers("tf") == [0, 1]
+    assert seen.numbers("other") == [0]
+    unseen = LocalPublishers(1, lambda _: False, told.append, sees_them=False)
+    assert [unseen.number("tf", each) for each in (b"a", b"b", b"b")] == [0, 0, 0]
+    assert len(told) == 1  # the first may have started again
+    unseen.number("tf", b"a")
+    assert len(told) == 2
+
+
 class Shelf:
     """A journal of one topic's samples, without a gateway."""
 
-    def __init__(self, depth: int = 2, limit_bytes: int = 10_000) -> None:
+    def __init__(
+        self, depth: int = 2, limit_bytes: int = 10_000, lifespan_s: float | None = None
+    ) -> None:
         stream = STREAMS[1] | {"depth": depth}
+        if lifespan_s is not None:
+            stream |= {"lifespan_s": lifespan_s}
         self.table = config_from_mapping(SECTION | {"streams": [stream]}, source="test").table
         self.stream = self.table.by_id(11)
         self.stored: dict[str, bytes] = {}
@@ -283,3 +351,17 @@ def test_the_age_goes_on_while_nobody_is_there() -> None:
     # A clock that was set back makes nothing younger.
     shelf.utc_ns -= 7200 * 10**9
     assert [value.age_s for value in shelf.begin()] == [2.0]
+
+
+def test_what_is_older_than_its_lifespan_is_not_restored() -> None:
+    shelf = Shelf(depth=4, lifespan_s=60.0)
+    shelf.keep("auv1/raw/ctd", b"old", age_s=40.0)
+    shelf.keep("auv1/raw/ctd", b"unknown")
+    shelf.keep("auv1/raw/ctd", b"fresh", age_s=1.0)
+    shelf.utc_ns += 30 * 10**9
+    found = shelf.begin()
+    assert [value.payload for value in found] == [b"unknown", b"fresh"]
+    assert [value.expires_at(60.0) for value in found] == [5 + 30 * 10**9, 5 + 29 * 10**9]
+    shelf.utc_ns += 31 * 10**9
+    assert shelf.begin() == []
+    assert not shelf.stored

@@ -313,3 +313,15 @@ def test_without_time_stamps_a_latched_topic_still_crosses() -> None:
             assert (await told.next())[0] == {"data": "the map"}
 
     run(main())
+
+
+@with_pair()
+async def test_two_latched_publishers_keep_their_samples_apart(pair: Pair) -> None:
+    told = await heard(pair.shore, "/map", STRING, LATCHED)
+    others = [pair.auv, pair.node(2, "mapper")]
+    for number, node in enumerate(others):
+        node.publisher("/map", STRING, LATCHED)({"data": f"map {number}"})
+        assert (await told.next())[0] == {"data": f"map {number}"}
+    late = pair.node(1, "late").subscribe("/map", STRING, LATCHED)
+    got = [(await late.next())[0]["data"] for _ in others]
+    assert got == ["map 0", "map 1"]

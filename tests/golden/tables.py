@@ -10,7 +10,7 @@ from typing import Any, Final
 
 import msgspec
 
-from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
+from zacoustic.core.base.qos import Durability, Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams.carry import CARRY_STREAM_ID, Carry
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID
 from zacoustic.core.streams.keydelivery import KEYS_STREAM_ID
@@ -209,6 +209,24 @@ def kinds_table() -> StreamTable:
     return StreamTable(specs, types=TypeTable([point, every]), nodes=nodes)
 
 
+def latched_table() -> StreamTable:
+    """Return a table of topics that tell apart the publishers of a node."""
+    qos = Qos(
+        reliability=Reliability.RELIABLE, durability=Durability.TRANSIENT_LOCAL, stamp=Stamp.AGE
+    )
+    specs = [
+        TopicSpec(stream_id=10, name="tf_static", local_publishers=3, qos=qos),
+        TopicSpec(
+            stream_id=11,
+            name="{node}/valve/{side}",
+            wildcards=(Wildcard(name="side", values=("left", "right")),),
+            local_publishers=2,
+            qos=Qos(durability=Durability.TRANSIENT_LOCAL),
+        ),
+    ]
+    return StreamTable(specs, nodes={1: "shore", 2: "auv1"})
+
+
 TABLES: Final[dict[str, StreamTable]] = {
     "base": table(),
     "reliable": reliable_table(),
@@ -219,6 +237,7 @@ TABLES: Final[dict[str, StreamTable]] = {
     "carried": carried_table(),
     "other": other_table(),
     "kinds": kinds_table(),
+    "latched": latched_table(),
     "unlisted": StreamTable([TopicSpec(stream_id=10, name="raw")]),
 }
 """Each table by the name by which vectors refer to it."""
@@ -263,7 +282,7 @@ def _stream(stream: Stream) -> dict[str, Any]:
                 "publishers": spec.publishers,
                 "subscribers": spec.subscribers,
                 "wildcards": [
-                    {"name": each.name, "values": each.values} for each in spec.wildcards
+                    {"name": each.name, "values": each.values} for each in stream.keys.wildcards
                 ],
                 "reliability": spec.qos.reliability.value,
                 "depth": spec.qos.depth,

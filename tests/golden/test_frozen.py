@@ -33,8 +33,8 @@ FROZEN: Final = {
     "payload_packed.json": "9d10267ca6a2292e",
     "payload_refused.json": "b5998c8cd928cf97",
     "refusals.json": "48a24d9957e3d6b7",
-    "tables.json": "2b204b6ecb9bfa44",
-    "wire_native.json": "2c6ed74cee97870c",
+    "tables.json": "23a6878b97d247a8",
+    "wire_native.json": "79e65ed69c01d315",
     "wire_relayed.json": "9b02230a81e5eff7",
     "wire_sealed.json": "7677bd3dbd54735f",
 }

@@ -740,6 +740,8 @@ def _together() -> Iterator[Vector]:
     sample = sync + bytes((3, 1, 0, 0x07, 42)) + point
     meaning = "SYNC; stream 3, wildcards 1 and 0, number 7, 4.2 s old: a typed sample"
     yield _vector("reliable_wildcards_aged", Sent(sample, 1, 2, "kinds"), meaning)
+    meaning = "stream 11, wildcard 1, publisher 1: raw"
+    yield _vector("latched_publisher", Sent(b"\x0b\x01\x01raw", 1, BROADCAST, "latched"), meaning)
     ack = sync + bytes((Control.ACK, 31, 2)) + Ack(5, 0b101).encode()
     meaning = "SYNC: lineage 1234, 65541 is awaited; ACK: 5, and 6 and 8 are held"
     yield _vector("ack_sync_holding", _to_client(ack, "reliable"), meaning)

@@ -262,6 +262,7 @@ APART = {
 COMBINED = {
     *("reliable_wildcards_aged", "ack_sync_holding", "hello_len_ack", "extension_padding"),
     "byte_stream_long",
+    "latched_publisher",
 }
 """Vectors of several parts that are read above one by one."""
 DIGESTS = {name for name in NATIVE if name.startswith("digest_of_")}

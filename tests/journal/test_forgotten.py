@@ -22,7 +22,8 @@ def test_streams_that_lose_something_by_a_restart_are_named() -> None:
     )
     assert forgotten(StreamTable([wanted]), 2) == ""
     assert forgotten(StreamTable([wanted]), 3) == (
-        "no journal, so a restart forgets the subscribers of view (until they hear this node)"
+        "no journal, so a restart forgets the subscribers of view "
+        "(until it publishes and they hear that)"
     )
 
 

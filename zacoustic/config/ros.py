@@ -38,6 +38,8 @@ if TYPE_CHECKING:  # these need rosbags, which a file without ROS does not need
 DOMAIN_VARIABLE: Final = "ROS_DOMAIN_ID"
 """Environment variable with the domain."""
 _LAST_DOMAIN: Final = 232
+_LATCHED_PUBLISHERS: Final = 4
+"""Publishers with a depth of their own, as each has in ROS: nodes that publish `/tf_static`."""
 _TRANSIENT_LOCAL: Final = "transient_local"
 _EXACT: Final = "exact"
 
@@ -292,6 +294,10 @@ class RosReader:
             self.streams[identity] = topic
             if stamp == Stamp.AGE.value:
                 changed["stamp"] = stamp
+            if topic.qos.durability is RosDurability.TRANSIENT_LOCAL:
+                changed["local_publishers"] = place.written.get(
+                    "local_publishers", _LATCHED_PUBLISHERS
+                )
             return changed
         if place.at("ros").at("stamp").written is not None:
             place.at("ros").at("stamp").refuse(f"of {_ARTICLES[kind]}", allowed="of topics")

@@ -127,6 +127,7 @@ ALLOWED: Final = {
     "model": "a file that `zacoustic codec fit` has made",
     "reliability": ", ".join(reliability.value for reliability in Reliability),
     "durability": '"volatile", "transient_local"',
+    "local_publishers": "a number, 1..255",
     "codec": '"cbor", "packed", for topics "dense"',
     "forward": ", ".join(forward.value for forward in Forward),
     "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",
@@ -408,6 +409,8 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """Best effort or reliable, as in ROS."""
     durability: str = "volatile"
     """Volatile or transient-local, as in ROS."""
+    local_publishers: int = 1
+    """Publishers of a node with a depth of their own, of a latched topic; with `ros`: 4."""
     forward: str = "always"
     """When samples cross the channel."""
     journal: bool = False

@@ -139,6 +139,7 @@ def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
         publishers=entry.publishers,
         subscribers=entry.subscribers,
         wildcards=tuple(Wildcard(name=each.name, values=each.values) for each in entry.wildcards),
+        local_publishers=entry.local_publishers,
         encoding=entry.encoding,
         codec=entry.codec or "cbor",
         outside=entry.outside,

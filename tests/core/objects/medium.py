@@ -111,6 +111,9 @@ class Node:
             admission, rank=others.index(self.address), others=len(others) - 1
         )
 
+    def is_over(self, source: int, manifest: Manifest) -> bool:
+        return False
+
     def claim(self, source: int, manifest: Manifest, *, is_turn: bool) -> Claim:
         if is_turn:
             self.turns.append(manifest.number)

@@ -70,6 +70,10 @@ class Due(enum.IntEnum):
     """The host is asked for the time."""
     SUBSCRIBER = enum.auto()
     """An unproved subscription ends."""
+    ANNOUNCEMENT = enum.auto()
+    """A node that may lack samples shows its boot epoch again."""
+    LATCHED = enum.auto()
+    """A node gets the last samples of latched topics again."""
     UNPROVED = enum.auto()
     """The effect of an unproved command ends."""
     TRANSPORT = enum.auto()

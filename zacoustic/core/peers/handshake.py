@@ -368,6 +368,7 @@ class Handshake:
         """Introduce this node again: the CONFIRM shows which boot epoch of a peer is present."""
         peer = self._peers[address]
         peer.take(Change.DOUBT)
+        peer.heard_alone = True  # what goes to all, nobody may answer
         self.owing.introduction(peer, now)
 
     def heard_ask(self, source: int, ask: Ask, now: int) -> bool:

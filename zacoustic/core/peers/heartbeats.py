@@ -45,9 +45,14 @@ class Heartbeats:
     def link_up(self, now: int) -> None:
         """Note that the link is up: for the first time, the node may announce itself."""
         if self._announces:
+            self.announce(now)
+            self._announces = False
+
+    def announce(self, now: int) -> None:
+        """Transmit a frame to all soon, unless another one goes to all before."""
+        if self._announced_at is None:
             # As many nodes may start together as there are.
             self._announced_at = now + self._rng.randint(0, len(self._hearers) * NS_PER_S)
-            self._announces = False
 
     def begin(self, now: int) -> None:
         """Note the first instant of the boot epoch; later calls have no effect."""
@@ -71,7 +76,8 @@ class Heartbeats:
 
     def transmitted(self, destination: int, now: int) -> None:
         """Note a frame to a node, or to all."""
-        self._announced_at = None
+        if destination == BROADCAST or self._hearers == [destination]:
+            self._announced_at = None
         if destination == BROADCAST:
             self._said_at = dict.fromkeys(self._hearers, now)
             self._draw_pause()

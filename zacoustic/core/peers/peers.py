@@ -21,6 +21,8 @@ class Peers(dict[int, Peer]):
         super().__init__()
         self.restarted = Signal[int, int, int]()
         """``(address, epoch, now)``: a node began a new boot epoch."""
+        self.proved = Signal[int, int, int]()
+        """``(address, epoch, now)``: a node has shown that it has heard this one."""
         self.asked = Signal[int, int]()
         """``(address, now)``: a node asked for the HELLO of this one, or a row of its table."""
         self.differs = Signal[int, int, int]()

@@ -68,6 +68,7 @@ class Statements:
         epoch = self._peers[source].epoch
         if is_ours and epoch is not None:
             self._lives.proved(source, epoch, now + self._handshake.settling_ns)
+            self._peers.proved(source, epoch, now)
         self._handshake.heard_confirm(source, confirm, now, unicast=unicast)
 
     def _ask(self, heard: Heard, ask: Ask) -> None:

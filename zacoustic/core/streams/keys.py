@@ -3,7 +3,9 @@
 A name is a key expression without Zenoh's wildcards. A chunk may hold ``{node}``, the name of the
 node that a frame came from, which costs nothing because the frame has a known source; or a wildcard
 of the stream with a list of values, which costs one byte. A name with its placeholders filled in is
-a *key*; the tuple of value numbers that fills its wildcards is its *instance*.
+a *key*; the tuple of value numbers that fills its wildcards is its *instance*. A latched topic may
+tell apart the publishers of a node: the number of the publisher is then the last of the instance,
+costs one byte as well, and is not in the key.
 """
 
 import re
@@ -16,6 +18,8 @@ from zacoustic.errors import ConfigError, UnknownStreamError
 
 NODE_PLACEHOLDER: Final = "node"
 """Name of the placeholder for the source of the frame."""
+PUBLISHER_PLACEHOLDER: Final = ""
+"""Name of the wildcard that is in no name: the publisher of a sample, on its node."""
 
 MOST_VALUES: Final = 255
 """The most values of a wildcard: its number is one byte."""
@@ -42,26 +46,40 @@ class KeyPattern:
         name: The name.
         wildcards: Its placeholders without `{node}`, in any order.
         node_names: Name of each node by address.
+        publishers: How many publishers of a node have samples of their own under each key; the
+            number of one is then the last of an instance.
 
     Raises:
         ConfigError: The name is no key expression, or its placeholders and wildcards do not match.
     """
 
     def __init__(
-        self, name: str, wildcards: tuple[Wildcard, ...], node_names: Mapping[int, str]
+        self,
+        name: str,
+        wildcards: tuple[Wildcard, ...],
+        node_names: Mapping[int, str],
+        publishers: int = 1,
     ) -> None:
         check_name(name, wildcards)
+        self.publishers = publishers
+        """How many publishers of a node are told apart."""
         self.name = name
         self.node_names = dict(node_names)
         self.is_named_by_node = f"{{{NODE_PLACEHOLDER}}}" in name
         """Whether the name holds ``{node}``."""
         by_name = {wildcard.name: wildcard for wildcard in wildcards}
         found = [part for part in _PLACEHOLDER.findall(name) if part != NODE_PLACEHOLDER]
-        self.wildcards: tuple[Wildcard, ...] = tuple(by_name[part] for part in found)
-        """The wildcards in the order of the name."""
+        named = tuple(by_name[part] for part in found)
+        self.has_wildcards = bool(named)
+        """Whether the name has placeholders other than ``{node}``."""
+        self.wildcards: tuple[Wildcard, ...] = named
+        """The wildcards in the order of the name; then that of the publisher, if there is one."""
+        if publishers > 1:
+            numbers = tuple(map(str, range(publishers)))
+            self.wildcards = (*named, Wildcard(name=PUBLISHER_PLACEHOLDER, values=numbers))
+        self._named = named
         self._numbers = [
-            {value: number for number, value in enumerate(wildcard.values)}
-            for wildcard in self.wildcards
+            {value: number for number, value in enumerate(wildcard.values)} for wildcard in named
         ]
         self._parts = _PLACEHOLDER.split(name)
 
@@ -71,7 +89,7 @@ class KeyPattern:
         Raises:
             UnknownStreamError: The node has no name, or a number is beyond the listed values.
         """
-        if len(self._parts) == 1 and not instance:
+        if len(self._parts) == 1 and len(instance) == len(self.wildcards) == 0:
             return self.name
         try:
             values = [
@@ -102,11 +120,26 @@ class KeyPattern:
             return None
         numbers = [
             known.get(found[wildcard.name])
-            for wildcard, known in zip(self.wildcards, self._numbers, strict=True)
+            for wildcard, known in zip(self._named, self._numbers, strict=True)
         ]
-        return (
-            None if None in numbers else tuple(number for number in numbers if number is not None)
-        )
+        if None in numbers:
+            return None
+        return self.of_publisher(tuple(number for number in numbers if number is not None), 0)
+
+    def of_publisher(self, instance: Instance, number: int) -> Instance:
+        """Return the instance of a key for one publisher of a node.
+
+        Args:
+            instance: The numbers of the placeholders, perhaps with that of another publisher.
+            number: The publisher's.
+        """
+        if self.publishers == 1:
+            return instance
+        return (*instance[: len(self._named)], number)
+
+    def publisher(self, instance: Instance) -> int:
+        """Return the number of the publisher of a sample."""
+        return instance[-1] if self.publishers > 1 else 0
 
     def expression(self, source: int | None) -> str:
         """Return the Zenoh key expression of the keys of `source`; None: of any node.

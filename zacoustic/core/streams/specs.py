@@ -5,9 +5,9 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import DURATIONS, is_duration
-from zacoustic.core.base.qos import Forward, Qos, Reliability, Stamp
+from zacoustic.core.base.qos import Durability, Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams.carry import Carry, check_carry
-from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.keys import MOST_VALUES, Wildcard
 from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
 from zacoustic.core.values.payload import CborCodec, OpaqueCodec, PackedCodec, TypedCodec
 from zacoustic.errors import ConfigError
@@ -58,6 +58,9 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     """Addresses that subscribe; None: all."""
     wildcards: tuple[Wildcard, ...] = ()
     """The placeholders of the name without `{node}`."""
+    local_publishers: int = 1
+    """How many publishers of a node the depth of a latched topic counts separately, 1…255; the
+    number of each crosses in one byte if there is more than one."""
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed samples, bytes for opaque
     ones."""
@@ -198,6 +201,24 @@ def _check_carried(spec: TopicSpec, carry: Carry) -> None:
         )
 
 
+def _check_local_publishers(spec: TopicSpec) -> None:
+    """Check a topic that tells apart the publishers of a node."""
+    if not 1 <= spec.local_publishers <= MOST_VALUES:
+        raise ConfigError(f"local_publishers: {spec.local_publishers}; allowed: 1..{MOST_VALUES}")
+    if spec.qos.durability is not Durability.TRANSIENT_LOCAL:
+        raise ConfigError(
+            f"local_publishers: {spec.local_publishers} for a volatile topic; allowed: with "
+            'durability: "transient_local"',
+            hint="only what is kept for late joiners is counted for each publisher",
+        )
+    if spec.codec == DENSE or spec.carry is not None:
+        raise ConfigError(
+            f"local_publishers: {spec.local_publishers} with a dense codec or carry; allowed: "
+            "without them",
+            hint="neither has room for the number of a publisher",
+        )
+
+
 def check(spec: StreamSpec) -> None:
     """Check a stream for the native wire.
 
@@ -212,6 +233,8 @@ def check(spec: StreamSpec) -> None:
         _check_dense(spec)
     if isinstance(spec, TopicSpec) and spec.carry is not None:
         _check_carried(spec, spec.carry)
+    if isinstance(spec, TopicSpec) and spec.local_publishers != 1:
+        _check_local_publishers(spec)
     if not FIRST_STREAM_ID <= spec.stream_id <= LAST_STREAM_ID:
         allowed = f"{FIRST_STREAM_ID}..{LAST_STREAM_ID}"
         raise ConfigError(f"id: {spec.stream_id}; allowed: {allowed}")

@@ -115,7 +115,8 @@ class Stream:
         self.name = spec.name
         self.qos = spec.qos
         wildcards = spec.wildcards if isinstance(spec, TopicSpec) else ()
-        self.keys = KeyPattern(spec.name, wildcards, node_names)
+        publishers = spec.local_publishers if isinstance(spec, TopicSpec) else 1
+        self.keys = KeyPattern(spec.name, wildcards, node_names, publishers)
         """The keys of the name."""
         names = _type_names(spec)
         used = [types.by_name(name) if name is not None else None for name in names.values()]

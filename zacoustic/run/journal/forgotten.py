@@ -43,7 +43,11 @@ def forgotten(table: StreamTable, address: int) -> str:
     if topics:
         parts.append(f"samples of {', '.join(topics)}")
     if demanded:
-        parts.append(f"the subscribers of {', '.join(demanded)} (until they hear this node)")
+        parts.append(
+            f"the subscribers of {', '.join(demanded)} (until it publishes and they hear that)"
+        )
     if latched:
-        parts.append(f"what late joiners of {', '.join(latched)} get (until the next sample)")
+        parts.append(
+            f"what late joiners of {', '.join(latched)} get (until their publishers send it again)"
+        )
     return f"no journal, so a restart forgets {' and '.join(parts)}" if parts else ""

@@ -311,10 +311,13 @@ class Gateway:
     ) -> Dialects:
         ros, table = self.config.ros, self.config.table
         if ros is None:
-            return Dialects(zenoh_session)
+            return Dialects(zenoh_session, self._parts.clock)
         from zacoustic.zenoh.gateway.dialect.ros import RosDialects
 
-        return RosDialects(self.config.address, table, ros, zenoh_session, input_errors, ring)
+        return RosDialects(
+            self.config.address, table, ros, zenoh_session, input_errors, ring,
+            clock=self._parts.clock,
+        )  # fmt: skip
 
     def _forgotten(self) -> str:
         journal = self._parts.journal

@@ -11,7 +11,6 @@ from collections.abc import Sequence, Set
 from types import MappingProxyType
 from typing import Final
 
-from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
 from zacoustic.core.peers.contact import PeerFound, PeerLost
@@ -39,6 +38,7 @@ from zacoustic.core.transport.deliveries import DeliveryEvent, SampleReceived
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
 from zacoustic.core.transport.publication import Publication
+from zacoustic.core.transport.subscriptions.announcing import Announcing, has_lived
 from zacoustic.core.transport.subscriptions.subscriptions import SubscribersChanged
 from zacoustic.core.transport.topics.deadlines import DeadlineMissed
 from zacoustic.core.transport.topics.topics import Topics
@@ -96,8 +96,11 @@ class Protocols(Profile):
             context.others,
             contact.heartbeat_s,
             context.generators.of("contact"),
-            announces=contact.announces and _has_lived(context),
+            announces=contact.announces and has_lived(context),
         )
+        self._announcing: Announcing | None = None
+        if contact.announces:
+            self._announcing = Announcing(context, self.subscriptions, self.heartbeats.announce)
         self.services: Services = Services(context, self.repeater)
         self.actions: Actions = Actions(context, self.repeater)
         self.topics = Topics(
@@ -366,6 +369,8 @@ class Protocols(Profile):
         """Resume the work of all components: the link is up."""
         self._context.doubt.link_up(now)
         self.heartbeats.link_up(now)
+        if self._announcing is not None:
+            self._announcing.link_up(now)
         self.topics.link_up(now)
         self._context.pacers.link_up(now)
         self.services.link_up(now)
@@ -380,11 +385,6 @@ class Protocols(Profile):
     def handle_timeout(self, now: int) -> None:
         """Do, while the node is awake, the work that has no timer of its own."""
         self.topics.awake(now)
-
-
-def _has_lived(context: Context) -> bool:
-    """Return whether the journal shows an earlier start of this node."""
-    return int.from_bytes(context.stored.get(LIFE_KEY, b""), "big") > 1
 
 
 def make_transports(

@@ -62,6 +62,9 @@ class AdmissionControl(Protocol):
     def unwanted(self, source: int, stream_id: int, *, is_alone: bool) -> None:
         """Note that an unwanted object is under way, perhaps for this node alone."""
 
+    def is_over(self, source: int, manifest: Manifest) -> bool:
+        """Return whether an object is known to be delivered or given up, before it is complete."""
+
     def expect(self, source: int, manifest: Manifest) -> None:
         """Note that an object may be under way; called for each of its fragments."""
 

@@ -205,6 +205,8 @@ class LargeSamples:
                 prefix[0] if prefix else None,
                 expires_at=sample.expires_at,
                 now=now,
+                but=sample.acknowledged if sample.is_again else frozenset(),
+                is_again=sample.is_again,
             )
         except LocalError as error:
             return str(error.args[0])
@@ -297,6 +299,11 @@ class LargeSamples:
             is_turn=is_turn,
         )
 
+    def is_over(self, source: int, manifest: Manifest) -> bool:
+        """Return whether an object is known to be delivered or given up, before it is complete."""
+        slot = SequenceSlot(manifest.lineage, manifest.number)
+        return self._receiving.is_over(source, manifest.stream_id, manifest.instance, slot)
+
     def unwanted(self, source: int, stream_id: int, *, is_alone: bool) -> None:
         """Note that an unwanted object is under way, perhaps for this node alone."""
         if self._is_open(source, stream_id):
@@ -369,12 +376,17 @@ class LargeSamples:
         *,
         expires_at: int | None,
         now: int,
+        but: Set[int] = frozenset(),
+        is_again: bool = False,
     ) -> None:
+        """Send an object to the receivers of its key, but for those that have it."""
         subscribers = self._subscriptions.subscribers(stream)
         receivers = tuple(
             each
             for each in stream.receivers(instance, self._table.nodes)
-            if each != self._address and (subscribers is None or each in subscribers)
+            if each != self._address
+            and each not in but
+            and (subscribers is None or each in subscribers)
         )
         if not receivers:
             raise LocalError(
@@ -392,7 +404,7 @@ class LargeSamples:
             number=slot.number,
             receivers=receivers,
             stream_digest=stream.digest,
-            keep=stream.journals_sent,
+            keep=stream.journals_sent and not is_again,
             priority=stream.qos.priority,
             exclusive=stream.qos.exclusive,
             lifespan_s=stream.qos.lifespan_s,

@@ -28,12 +28,14 @@ What each node remembers:
 - A node that gets a sample that it has not subscribed to sends its message, since its earlier epoch
   may have subscribed. If the frame is for other nodes too, once in an epoch is enough.
 
-Not covered: a publisher without a journal that restarts and sends nothing at all. Its subscribers
-cannot know. A journal or a heartbeat is the remedy.
+- A publisher that may have forgotten its subscribers shows its boot epoch when a program publishes.
+
+Not covered: the same on a link that costs money. A journal is the remedy.
 
 ==============  ====================================================================================
 `own`           this node's subscriptions at other nodes
 `subscribers`   other nodes' subscriptions at this node
 `subscriptions` both of them, for the engine
+`announcing`    what a publisher says that may have forgotten its subscribers
 ==============  ====================================================================================
 """

@@ -61,6 +61,8 @@ class Subscriptions:
         self.changed = self._subscribers.changed
         """``(topic, newcomers, now)``: the subscribers of a topic have changed."""
         self.changed.connect(self._tell)
+        self.published = Signal[Stream, int]()
+        """``(topic, now)``: this node publishes on an on-demand topic."""
         self.unsubscribed = Signal[int, Set[int], int]()
         """``(stream_id, sources, now)``: this node has unsubscribed from a topic of these nodes."""
         self._linger_s = 0.0

@@ -7,6 +7,8 @@ reliable ones. `zacoustic.core.wire.content` has the parts of a record.
 from collections.abc import Callable, Mapping, Set
 from typing import Any, Final
 
+import msgspec
+
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.base.stats import count
@@ -32,11 +34,13 @@ from zacoustic.core.transport.outcomes import Outcomes
 from zacoustic.core.transport.publication import EncodedSample, Publication, encode_sample
 from zacoustic.core.transport.reliable.receiving.receiving import Arrival, ReliableReceiving
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
+from zacoustic.core.transport.reliable.sending.sendlane import JournalledSample
 from zacoustic.core.transport.reliable.sending.slots import LEAST_ACK_BYTES
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
+from zacoustic.core.transport.topics.latched import LatchedTopics
 from zacoustic.core.transport.topics.successors import Successor, Successors
 from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.values.payload import PayloadError, ReferenceUnknownError
@@ -96,6 +100,8 @@ class Topics:
             self.outcomes,
         )
         """Samples that wait for a large one of their key."""
+        self.latched = LatchedTopics(context, self.sending)
+        """Samples for nodes that have forgotten what they had."""
         self.copied = CopiedSamples(context)
         """Best-effort samples, some of which are sent several times."""
         self.carrying: Carrying | None = None
@@ -151,6 +157,9 @@ class Topics:
     def publish(self, publication: Publication, now: int) -> int:
         """Queue a sample; see `Engine.publish`."""
         stream, spec = self._table.topic_of(self._address, publication.stream_id)
+        if len(publication.instance) < len(stream.keys.wildcards):  # of the only publisher here
+            instance = stream.keys.of_publisher(publication.instance, 0)
+            publication = msgspec.structs.replace(publication, instance=instance)
         stream.keys.key(self._address, publication.instance)
         sample = encode_sample(stream, publication, now)
         if self.carrying is not None and stream.stream_id in self.carrying:
@@ -161,6 +170,8 @@ class Topics:
         is_reliable = stream.qos.reliability is Reliability.RELIABLE
         if is_reliable:
             self.sending.check(stream)
+        if stream.is_on_demand:
+            self._subscriptions.published(stream, now)
         if self._subscriptions.subscribers(stream) == frozenset():
             count(self._stats.published, stream.stream_id)
             count(self._stats.unsubscribed, stream.stream_id)
@@ -189,6 +200,7 @@ class Topics:
                 self._queue.check_size(stream.name, sample.record_bytes, hint=in_parts(spec))
         count(self._stats.published, stream.stream_id)
         lane = (stream.stream_id, SAMPLE_LANE, *sample.instance)
+        self.latched.published(stream, lane, item)
         self.copied.publish(lane, item, stream.qos, now)
         return NO_DELIVERY
 
@@ -274,6 +286,8 @@ class Topics:
                 expires_at=sample.expires_at,
                 delivery_id=successor.delivery_id,
             )
+            kept = JournalledSample(0, sample.prefix, sample.payload, sample.stamped)
+            self.sending.keep_large(stream, sample.instance, kept)
             self.successors.began(stream, sample.instance, now)
             return
         self.sending.publish(

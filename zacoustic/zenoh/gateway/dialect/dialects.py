@@ -7,6 +7,7 @@ programs: keys as in the configuration, CBOR or JSON, and a mark (`zenoh_session
 nodes have another one: `zacoustic.zenoh.gateway.dialect.ros`.
 """
 
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
@@ -14,6 +15,7 @@ from typing import Any, Protocol
 import msgspec
 import zenoh
 
+from zacoustic.core.base.clock import Clock, seconds_to_ns
 from zacoustic.core.base.qos import Durability
 from zacoustic.core.engine.events import CallKey, SampleReceived
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
@@ -56,6 +58,10 @@ class Written(msgspec.Struct, frozen=True, kw_only=True):
     """Its Zenoh encoding."""
     attachment: bytes | None
     """Its attachment."""
+    expires_at: int | None = None
+    """Instant from which no late joiner gets it, ns; None: never."""
+    publisher: int = 0
+    """Number of its publisher on the remote node."""
 
 
 class TopicDialect(ABC):
@@ -64,15 +70,19 @@ class TopicDialect(ABC):
     Args:
         stream: The topic.
         zenoh_session: The session.
+        clock: Source of instants.
     """
 
-    def __init__(self, stream: Stream, zenoh_session: ZenohSession) -> None:
+    def __init__(
+        self, stream: Stream, zenoh_session: ZenohSession, clock: Clock = time.monotonic_ns
+    ) -> None:
         self.stream = stream
         self.zenoh_session = zenoh_session
         """The session of its declarations."""
         self._latched: LatchedKeys | None = None
         if stream.qos.durability is Durability.TRANSIENT_LOCAL:
-            self._latched = LatchedKeys(stream.qos.depth, zenoh_session, stream.qos.priority)
+            self._latched = LatchedKeys(stream.qos.depth, zenoh_session, stream.qos.priority, clock)
+        self._began_utc_s = time.time()
 
     @property
     def is_latched(self) -> bool:
@@ -115,10 +125,51 @@ class TopicDialect(ABC):
     def mark_again(self, last: LastValue) -> bytes:
         """Return the attachment of a value from before the restart that is put again."""
 
+    def publisher_of(self, sample: zenoh.Sample) -> bytes:
+        """Return what the network calls a sample's publisher; empty: unknown; on any thread.
+
+        Only of latched topics. Zenoh's samples name it if their publisher numbers them; else their
+        time stamp names its session, or the router that has stamped them.
+        """
+        if self._latched is None:
+            return b""
+        if sample.source_info is not None:
+            return str(sample.source_info.source_id).encode()
+        return b"" if sample.timestamp is None else bytes(sample.timestamp.get_id())
+
+    @property
+    def sees_publishers(self) -> bool:
+        """Return whether the network shows which publishers are there."""
+        return False
+
+    def has_gone(self, publisher: bytes) -> bool:
+        """Return whether a publisher was seen and is there no more."""
+        return False
+
+    def age_ns(self, sample: zenoh.Sample) -> int:
+        """Return for how long a sample had been in its publisher's cache, ns; on any thread.
+
+        It counts only for samples from before the gateway began: clocks of other computers may be
+        wrong, and later samples come at once.
+        """
+        if self._latched is None or sample.timestamp is None:
+            return 0
+        put_utc_s = sample.timestamp.get_time().timestamp()
+        if put_utc_s >= self._began_utc_s:
+            return 0
+        return seconds_to_ns(max(0.0, time.time() - put_utc_s))
+
     def put(self, key: str, written: Written) -> None:
         """Put a sample on the local network; into a cache if the topic is latched."""
         if self._latched is not None:
-            self._latched.put(key, written.payload, written.encoding, written.attachment)
+            self._latched.put(
+                key,
+                written.payload,
+                written.encoding,
+                written.attachment,
+                expires_at=written.expires_at,
+                source=written.publisher,
+            )
             return
         self.zenoh_session.put(
             key,
@@ -283,14 +334,16 @@ class Dialects:
 
     Args:
         zenoh_session: The session of the streams.
+        clock: Source of instants.
     """
 
-    def __init__(self, zenoh_session: ZenohSession) -> None:
+    def __init__(self, zenoh_session: ZenohSession, clock: Clock = time.monotonic_ns) -> None:
         self._zenoh_session = zenoh_session
+        self._clock = clock
 
     def topic(self, stream: Stream) -> TopicDialect:
         """Return the dialect of a topic."""
-        return PlainTopic(stream, self._zenoh_session)
+        return PlainTopic(stream, self._zenoh_session, self._clock)
 
     def service(self, stream: Stream) -> ServiceDialect:
         """Return the dialect of a service."""

@@ -8,7 +8,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.base.clock import ns_to_seconds, seconds_to_ns
 
 KEYS_LIMIT: Final = 4096
 """Number of keys with a stored value; the least recently changed one makes room."""
@@ -33,10 +33,25 @@ class LastValue(msgspec.Struct, frozen=True, kw_only=True):
     """Instant at which the frame had arrived, ns."""
     attachment: bytes | None = None
     """Its attachment."""
+    publisher: int = 0
+    """Number of its publisher on the remote node."""
+    journalled_s: float = 0.0
+    """How long before that it had arrived, by the journal, s; part of its age."""
 
     def age_at(self, now: int) -> float | None:
         """Return the age including the time of its storage here, s."""
         return None if self.age_s is None else self.age_s + ns_to_seconds(now - self.received_at)
+
+    def expires_at(self, lifespan_s: float | None) -> int | None:
+        """Return the instant from which no late joiner gets it, ns; None: never.
+
+        A sample without a stamp has an age of 0 when it arrives. One whose age is beyond the
+        largest has expired.
+        """
+        if lifespan_s is None:
+            return None
+        left_s = lifespan_s - (self.journalled_s if self.age_s is None else self.age_s)
+        return self.received_at + seconds_to_ns(left_s) if left_s > 0 else self.received_at
 
 
 class LastValues:

@@ -34,6 +34,8 @@ class Parcel(msgspec.Struct, frozen=True):
     """The key was deleted."""
     arrived_at: int
     """Instant at which Zenoh handed it over, ns."""
+    publisher: bytes = b""
+    """What the network calls its publisher; empty: unknown, or of no matter."""
 
 
 class Mailbox:
@@ -52,7 +54,7 @@ class Mailbox:
         self._depth = depth
         self._limit_bytes = limit_bytes
         self._guard = threading.Lock()
-        self._by_key: dict[str, deque[Parcel]] = {}
+        self._by_key: dict[tuple[str, bytes], deque[Parcel]] = {}
         self._held_bytes = 0
 
     @property
@@ -67,7 +69,7 @@ class Mailbox:
             if len(parcel.payload) > LARGEST_VALUE_BYTES:
                 self.oversized += 1
                 return
-            kept = self._by_key.setdefault(parcel.key, deque())
+            kept = self._by_key.setdefault((parcel.key, parcel.publisher), deque())
             if len(kept) == self._depth:
                 self._drop_oldest(kept)
             kept.append(parcel)

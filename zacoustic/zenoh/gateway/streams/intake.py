@@ -161,8 +161,8 @@ class Intake:
 
     def _post(self, stream_id: int, sample: zenoh.Sample) -> None:
         """Keep a sample."""
-        attachment = sample.attachment
-        if attachment is not None and self._dialects[stream_id].is_marked(attachment.to_bytes()):
+        attachment, dialect = sample.attachment, self._dialects[stream_id]
+        if attachment is not None and dialect.is_marked(attachment.to_bytes()):
             return  # it came from the channel
         box = self._boxes[stream_id]
         assert isinstance(box, Mailbox)
@@ -172,7 +172,8 @@ class Intake:
                 sample.payload.to_bytes(),
                 str(sample.encoding),
                 sample.kind == zenoh.SampleKind.DELETE,
-                self._clock(),
+                self._clock() - dialect.age_ns(sample),
+                dialect.publisher_of(sample),
             )
         )
         self._note(stream_id)

@@ -35,6 +35,7 @@ class _Entry(msgspec.Struct, frozen=True, array_like=True):
     source: int
     age_s: float | None
     received_utc_ns: int
+    publisher: int = 0
 
 
 class KeptSamples:
@@ -61,6 +62,7 @@ class KeptSamples:
         self._limit_bytes = limit_bytes
         self._sizes: dict[tuple[int, str, int], int] = {}
         """Sizes by ``(stream id, key, serial)``, the oldest first."""
+        self._publishers: dict[tuple[int, str, int], int] = {}
         self._bytes = 0
         self._next_serial = 0
 
@@ -83,9 +85,15 @@ class KeptSamples:
             if stream is None or stream.digest != entry.digest:
                 self._write(name, None)
                 continue
-            self._note((stream.stream_id, entry.key, serial), len(stored[name]))
+            identity = (stream.stream_id, entry.key, serial)
+            self._note(identity, len(stored[name]), entry.publisher)
             passed_ns = max(0, self._wall_clock() - entry.received_utc_ns)
-            age_s = None if entry.age_s is None else entry.age_s + ns_to_seconds(passed_ns)
+            passed_s = ns_to_seconds(passed_ns)
+            lifespan_s = stream.qos.lifespan_s
+            if lifespan_s is not None and (entry.age_s or 0.0) + passed_s >= lifespan_s:
+                self._drop((stream.stream_id, entry.key, serial))
+                continue
+            age_s = None if entry.age_s is None else entry.age_s + passed_s
             yield (
                 stream,
                 LastValue(
@@ -96,6 +104,8 @@ class KeptSamples:
                     source=entry.source,
                     age_s=age_s,
                     received_at=self._clock(),
+                    publisher=entry.publisher,
+                    journalled_s=passed_s,
                 ),
             )
 
@@ -111,13 +121,18 @@ class KeptSamples:
                 value.source,
                 value.age_s,
                 received_utc_ns,
+                value.publisher,
             )
         )
         identity = (stream.stream_id, value.key, self._next_serial)
         self._next_serial += 1
-        self._note(identity, len(entry))
+        self._note(identity, len(entry), value.publisher)
         self._write(_name(identity), entry)
-        of_key = [each for each in self._sizes if each[:2] == identity[:2]]
+        of_key = [
+            each
+            for each in self._sizes
+            if each[:2] == identity[:2] and self._publishers[each] == value.publisher
+        ]
         for old in of_key[: max(0, len(of_key) - stream.qos.depth)]:
             self._drop(old)
         while self._bytes > self._limit_bytes:
@@ -128,12 +143,14 @@ class KeptSamples:
         for old in [each for each in self._sizes if each[:2] == (stream.stream_id, key)]:
             self._drop(old)
 
-    def _note(self, identity: tuple[int, str, int], entry_bytes: int) -> None:
+    def _note(self, identity: tuple[int, str, int], entry_bytes: int, publisher: int) -> None:
+        self._publishers[identity] = publisher
         self._sizes[identity] = entry_bytes + _HEADER_BYTES
         self._bytes += self._sizes[identity]
 
     def _drop(self, identity: tuple[int, str, int]) -> None:
         self._bytes -= self._sizes.pop(identity)
+        del self._publishers[identity]
         self._write(_name(identity), None)
 
 

@@ -5,6 +5,7 @@ allow is counted and reported as an input error; it does no harm.
 """
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Final
 
 import msgspec
@@ -23,6 +24,7 @@ from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.streams.intake import Intake
 from zacoustic.zenoh.gateway.streams.kept import KeptSamples
+from zacoustic.zenoh.gateway.streams.localpublishers import LocalPublishers
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 
 _APART_S: Final = 0.1
@@ -69,6 +71,16 @@ class Topics:
         """The local form of each topic, by stream id."""
         self.intake = Intake(self.dialects, self._turn_ns, clock=clock, ring=ring, submit=submit)
         """The local samples that the engine does not have yet."""
+        self._publishers = {
+            stream_id: LocalPublishers(
+                dialect.stream.keys.publishers,
+                dialect.has_gone,
+                partial(input_errors.add, dialect.stream.name, "publishers"),
+                sees_them=dialect.sees_publishers,
+            )
+            for stream_id, dialect in self.dialects.items()
+            if dialect.is_latched
+        }
 
     def recover(self, stored: Mapping[str, bytes]) -> None:
         """Restore the samples for late joiners from before the restart."""
@@ -81,7 +93,13 @@ class Topics:
             self.last_values.keep(msgspec.structs.replace(value, attachment=attachment))
             dialect.put(
                 value.key,
-                Written(payload=value.payload, encoding=value.encoding, attachment=attachment),
+                Written(
+                    payload=value.payload,
+                    encoding=value.encoding,
+                    attachment=attachment,
+                    expires_at=value.expires_at(stream.qos.lifespan_s),
+                    publisher=value.publisher,
+                ),
             )
 
     def drain(self, engine: Engine, now: int) -> None:
@@ -123,12 +141,17 @@ class Topics:
             age_s=event.age_s,
             received_at=event.received_at,
             attachment=written.attachment,
+            publisher=stream.keys.publisher(event.instance),
         )
         self.last_values.keep(value)
         if dialect.is_latched:
             self._kept.keep(stream, value)
         if delivers:
-            dialect.put(key, written)
+            expires_at = value.expires_at(stream.qos.lifespan_s)
+            publisher = value.publisher
+            dialect.put(
+                key, msgspec.structs.replace(written, expires_at=expires_at, publisher=publisher)
+            )
 
     def answer(self, held: HeldQuery, stream_id: int) -> None:
         """Answer a `get` on a topic with the last values of the keys asked for."""
@@ -160,6 +183,15 @@ class Topics:
         frame_ns = link.airtime_ns(link.mtu_bytes) + seconds_to_ns(link.gap_s + _APART_S)
         return self._redundant.rank * frame_ns
 
+    def _numbers(self, stream: Stream, parcel: Parcel) -> list[int]:
+        """Return the number of a sample's publisher; of a deleted key, those of all publishers."""
+        publishers = self._publishers.get(stream.stream_id)
+        if publishers is None:
+            return [0]
+        if parcel.deleted:
+            return publishers.numbers(parcel.key)
+        return [publishers.number(parcel.key, parcel.publisher)]
+
     def _forward(self, engine: Engine, stream: Stream, parcel: Parcel, now: int) -> None:
         dialect = self.dialects[stream.stream_id]
         instance = stream.keys.match(dialect.stream_key(parcel.key), engine.address)
@@ -170,15 +202,16 @@ class Topics:
         try:
             reading = Reading(value=None) if parcel.deleted else dialect.read(parcel)
             queued_at = parcel.arrived_at if reading.age_ns is None else now - reading.age_ns
-            engine.publish(
-                stream.stream_id,
-                reading.value,
-                now,
-                instance=instance,
-                encoding=reading.encoding,
-                delete=parcel.deleted,
-                queued_at=queued_at,
-            )
+            for number in self._numbers(stream, parcel):
+                engine.publish(
+                    stream.stream_id,
+                    reading.value,
+                    now,
+                    instance=stream.keys.of_publisher(instance, number),
+                    encoding=reading.encoding,
+                    delete=parcel.deleted,
+                    queued_at=queued_at,
+                )
         except PayloadInvalidError as error:
             self._input_errors.add(stream.name, "payload", str(error))
         except ZacousticError as error:

@@ -426,7 +426,7 @@ class Catalogue:
 
 
 def _has_placeholders(stream: Stream) -> bool:
-    return stream.keys.is_named_by_node or bool(stream.keys.wildcards)
+    return stream.keys.is_named_by_node or stream.keys.has_wildcards
 
 
 def _addresses(spec: StreamSpec, which: str) -> str:

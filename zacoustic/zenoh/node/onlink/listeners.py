@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
+from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.qos import Durability
 from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -33,7 +34,8 @@ class Listeners:
         self._runner = runner
         self._table = table
         self._listeners: dict[int, dict[object, tuple[str | None, Deliver]]] = {}
-        self._latched: dict[int, dict[str, deque[Incoming]]] = {}
+        self._latched: dict[int, dict[tuple[str, int], deque[Incoming]]] = {}
+        """The last samples by stream, and by key and publisher."""
 
     def add(self, route: TopicRoute[Any], deliver: Deliver) -> Callable[[], None]:
         """Deliver the samples of a topic, or of one key; return the function that ends it."""
@@ -42,10 +44,13 @@ class Listeners:
         token = object()
         listeners[token] = (route.key, deliver)
         self._want(stream)
-        for key, samples in self._latched.get(stream.stream_id, {}).items():
+        for (key, _), samples in self._latched.get(stream.stream_id, {}).items():
             if route.key in (None, key):
                 for incoming in tuple(samples):
-                    deliver(incoming)
+                    if not self._has_expired(
+                        stream, incoming, self._runner.apply(lambda engine, now: now)
+                    ):
+                        deliver(incoming)
 
         def stop() -> None:
             if listeners.pop(token, None) is not None:
@@ -73,18 +78,28 @@ class Listeners:
             metrics=event.metrics,
         )
         if is_latched:
-            self._keep(stream, incoming)
+            self._keep(stream, incoming, stream.keys.publisher(event.instance))
         for wanted, take in tuple(listeners.values()):
             if wanted in (None, key):
                 take(incoming)
 
-    def _keep(self, stream: Stream, incoming: Incoming) -> None:
+    def _keep(self, stream: Stream, incoming: Incoming, publisher: int) -> None:
         """Keep a sample of a latched topic; keep nothing for a deleted key."""
         keys = self._latched.setdefault(stream.stream_id, {})
         if incoming.deleted:
-            keys.pop(incoming.key, None)
+            for place in [place for place in keys if place[0] == incoming.key]:
+                del keys[place]
         else:
-            keys.setdefault(incoming.key, deque(maxlen=stream.qos.depth)).append(incoming)
+            place = (incoming.key, publisher)
+            keys.setdefault(place, deque(maxlen=stream.qos.depth)).append(incoming)
+
+    def _has_expired(self, stream: Stream, incoming: Incoming, now: int) -> bool:
+        """Return whether a sample is older than its lifespan; without a stamp, since it came."""
+        lifespan_s = stream.qos.lifespan_s
+        if lifespan_s is None:
+            return False
+        age_s = ns_to_seconds(now - incoming.received_at) + (incoming.age_s or 0.0)
+        return age_s >= lifespan_s
 
     def _want(self, stream: Stream) -> None:
         """Subscribe to an on-demand topic while it has local subscribers."""

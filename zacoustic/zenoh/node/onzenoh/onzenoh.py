@@ -15,6 +15,7 @@ from typing import Any, Final
 import zenoh
 
 from zacoustic.config import Config
+from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import LinkMetrics, LinkState
 from zacoustic.core.base.qos import Durability
 from zacoustic.core.base.stats import NO_STREAM, EngineStats, LedgerEntry, count
@@ -46,7 +47,7 @@ from zacoustic.zenoh.session.asking.allreplies import ask_all
 from zacoustic.zenoh.session.asking.commands import read_state, selector
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.asking.routing import RoutingReport
-from zacoustic.zenoh.session.latching import Latched, latched_publisher, latched_subscriber
+from zacoustic.zenoh.session.latching import LatchedPublisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, ZenohSession, zenoh_priority
 from zacoustic.zenoh.session.values import said_encoding
@@ -176,9 +177,11 @@ class ZenohCarrier:
         """Declare a Zenoh publisher; for a latched topic, one that keeps its last samples."""
         with zenoh_errors(route.name):
             if route.qos.durability is Durability.TRANSIENT_LOCAL:
-                publisher: Latched = latched_publisher(
+                latched = LatchedPublisher(
                     self.zenoh_session, route.expression, route.qos.depth, route.qos.priority
                 )
+                latched.declare()
+                publisher: LatchedPublisher | zenoh.Publisher = latched
             else:
                 publisher = self.zenoh_session.session.declare_publisher(
                     route.expression,
@@ -324,7 +327,7 @@ class _ZenohOutlet:
     def __init__(
         self,
         route: TopicRoute[Any],
-        publisher: Latched,
+        publisher: LatchedPublisher | zenoh.Publisher,
         stats: EngineStats,
         close: Callable[[], None],
     ) -> None:
@@ -336,8 +339,15 @@ class _ZenohOutlet:
     def put(self, value: object, encoding: str | None) -> Delivery | None:
         said = encoding or self._route.encoding
         payload = self._route.form.write(value, said)
+        lifespan_s = self._route.qos.lifespan_s
         with zenoh_errors(self._route.name):
-            self._publisher.put(payload, encoding=said)
+            if isinstance(self._publisher, LatchedPublisher):
+                expires_at = None
+                if lifespan_s is not None:
+                    expires_at = time.monotonic_ns() + seconds_to_ns(lifespan_s)
+                self._publisher.put(payload, encoding=said, expires_at=expires_at)
+            else:
+                self._publisher.put(payload, encoding=said)
         self._count()
         return None  # only the gateway knows the outcome
 

@@ -300,9 +300,23 @@ class IncomingObjects:
             if not admission.is_wanted:
                 self._ignore(key, manifest.stream_id)
                 return
+            if admission.is_open and self._admission.is_over(key[0], manifest):
+                self._pass_over(key, state, manifest)
+                return
         self._admission.expect(key[0], manifest)
         if incoming.lacking == 0:
             self._finish(key, state, is_turn=False)
+
+    def _pass_over(self, key: TransferKey, state: Transfer, manifest: Manifest) -> None:
+        """End an object that was delivered under another transfer number: the rest need not come.
+
+        Its source has forgotten that, or takes this node for one that has forgotten it.
+        """
+        end = StoredEnd(manifest.digest, tuple(state.incoming.head().values()))
+        self._journal.write(done_key(*key), msgspec.msgpack.encode(end))
+        self._transfers.remove(key)
+        self._forget_groups(key, state)
+        self._endings.handed_on(key, end)
 
     def _has_turn(self, key: TransferKey, check: bytes) -> None:
         """Deliver an object whose source has sent its turn: nothing before it will come."""

@@ -209,6 +209,13 @@ class ReliableReceiving:
             self._keep(key, lane, ready, stream, now, self._large_turn)
         return Claim.LATER if number > lane.expected else Claim.NOW
 
+    def is_over(self, source: int, stream_id: int, instance: Instance, slot: SequenceSlot) -> bool:
+        """Return whether a large sample is known to be delivered or given up."""
+        lane = self._lanes.get((source, stream_id, instance))
+        if lane is None or lane.lineage != slot.lineage:
+            return False
+        return resolve_floor(slot.number, lane.expected) < lane.kept
+
     def peer_forgotten(self, source: int, now: int) -> None:
         """Forget a node and its positions."""
         for key in [key for key in self._lanes if key[0] == source]:

@@ -7,8 +7,8 @@ class Reception:
     """What one receiver is known to have of a lane."""
 
     __slots__ = (
-        "allowance", "anew", "contradicted_at", "expected", "in_sync", "is_told", "lineage",
-        "settled_at", "skips_to",
+        "allowance", "anew", "contradicted_at", "expected", "has_forgotten", "in_sync", "is_told",
+        "lineage", "settled_at", "skips_to",
     )  # fmt: skip
 
     def __init__(self, expected: int) -> None:
@@ -16,6 +16,8 @@ class Reception:
         """The receiver has reported that it has everything before this number."""
         self.in_sync = False
         """Whether the receiver knows the lineage and awaits nothing that is over."""
+        self.has_forgotten = False
+        """Whether it may lack what it has acknowledged: it has begun an epoch, or has asked."""
         self.skips_to = 0
         """The number after a sample that this receiver does not get but others may still lack.
         Until the receiver reports that it awaits this number, it is addressed alone, with a floor

@@ -10,6 +10,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.base.linktypes import TransmitReport
 from zacoustic.core.base.parts import Part
+from zacoustic.core.base.qos import Durability
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
@@ -24,6 +25,7 @@ from zacoustic.core.transport.deliveries import (
 from zacoustic.core.transport.outcomes import Outcomes
 from zacoustic.core.transport.reliable.sending.contradictions import Contradictions
 from zacoustic.core.transport.reliable.sending.keeping import Keeping
+from zacoustic.core.transport.reliable.sending.latched import LatchedSamples
 from zacoustic.core.transport.reliable.sending.pacing import Pacing
 from zacoustic.core.transport.reliable.sending.sendlane import (
     AT_ONCE,
@@ -99,6 +101,7 @@ class ReliableSending:
             pause_ns=self._pacing.pause_ns,
         )
         """The sequence slots of samples that cross as objects."""
+        self._latched = LatchedSamples()
         self._settling_ns = 0
         self._paced_until: int | None = None
         self._next_delivery_id = 1
@@ -152,7 +155,15 @@ class ReliableSending:
         while (first := lane.samples[0]).number <= sample.number - stream.qos.depth:
             end = self.slots.give_up if first.number < lane.born else self._end
             end(lane, first, DeliveryOutcome.SUPERSEDED, now)
+        self._latched.superseded(stream, lane)
         self._go_on(lane, now)
+
+    def keep_large(self, stream: Stream, instance: Instance, kept: JournalledSample) -> None:
+        """Keep what the newest sample of a key is made of, which crosses as an object."""
+        lane = self._lanes.find(stream, instance)
+        if lane is not None and lane.samples:
+            lane.samples[-1].made_of = kept
+            self._latched.superseded(stream, lane)
 
     def next_delivery_id(self) -> int:
         """Return a delivery id that was never used before."""
@@ -186,6 +197,23 @@ class ReliableSending:
                     lane.expire(sample, now + seconds_to_ns(lifespan_s))
             self._go_on(lane, now)
 
+    # For a receiver that has forgotten what it had
+
+    def has_for(self, address: int) -> bool:
+        """Return whether samples of latched topics are there that a node may have forgotten."""
+        return any(address in lane.receptions for lane in self._latched)
+
+    def give_again(self, address: int, now: int) -> None:
+        """Send the delivered samples of latched topics to a node again."""
+        for lane in list(self._lanes):
+            self._give_again(lane, address, now)
+
+    def give_one_again(self, address: int, now: int) -> None:
+        """Send the newest of these samples of one key."""
+        for lane in list(self._latched):
+            if self._give_again(lane, address, now):
+                return
+
     # For the channel
 
     def peer_restarted(self, source: int, epoch: int, now: int) -> None:
@@ -202,6 +230,8 @@ class ReliableSending:
         """Send with SYNC what a node lacks that does not know this node, or has restarted."""
         for lane in self._lanes:
             reception = lane.receptions.get(source)
+            if reception is not None:
+                reception.has_forgotten = True
             if reception is not None and reception.in_sync:
                 self._out_of_sync(lane, source)
 
@@ -248,7 +278,10 @@ class ReliableSending:
         if sync is not None and not reception.in_sync:
             if expected < reception.expected:
                 # The receiver has lost what it had and began at the floor: it lacks all that again.
+                if reception.has_forgotten:
+                    self._latched.again(stream, lane, source, now)
                 lane.regress(source, expected)
+            reception.has_forgotten = False
             if expected >= lane.floor:
                 if reception.settled_at is None:
                     reception.settled_at = now + self._settling_ns
@@ -260,6 +293,7 @@ class ReliableSending:
             lane.answered(source)
             self._pacing.asked(lane, source, now)
             self.slots.acknowledged(lane, source, expected, now)
+            lane.release(source)
         self._go_on(lane, now)
         return None
 
@@ -293,6 +327,19 @@ class ReliableSending:
         self._next_delivery_id = max(self._next_delivery_id, self._keeping.highest_id + 1)
 
     # Below the methods above
+
+    def _give_again(self, lane: SendLane, address: int, now: int) -> bool:
+        stream = self._table.by_id(lane.key[0])
+        if stream.qos.durability is not Durability.TRANSIENT_LOCAL:
+            return False
+        newest = self._latched.again(stream, lane, address, now)
+        if newest is None:
+            return False
+        if self.slots.is_large(newest, self._queue.largest_bytes):
+            lane.release()  # an object waits for the turn of what comes before it
+        self._out_of_sync(lane, address)
+        self._go_on(lane, now)
+        return True
 
     def _released(self, address: int, now: int) -> None:
         """Make due what waits for a node."""
@@ -497,6 +544,11 @@ class ReliableSending:
         if sample.stage is Stage.OBJECT:
             self.slots.left(sample, outcome, now)
         sample.stage = Stage.ENDED
+        if sample.is_again:  # its outcome is known
+            for address in waiting if leaves_gap else ():
+                self._out_of_sync(lane, address)
+            return
+        self._latched.ended(self._table.by_id(lane.key[0]), lane, sample, outcome)
         ended = lane.ended(sample, outcome, now, detail, missing)
         if lane.is_journalled:  # a later boot epoch must not find the sample and report another end
             if outcome is not DeliveryOutcome.DELIVERED:

@@ -3,7 +3,7 @@
 import enum
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterator, Set
+from collections.abc import Iterable, Iterator, Set
 from heapq import heappop, heappush
 from itertools import chain, islice, takewhile
 from typing import Final
@@ -25,6 +25,7 @@ from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBERS, Ack, resolve_floor
 AT_ONCE: Final = 0
 """A `due_at` that has always passed."""
 _DELETE: Final = bytes((Control.DELETE,))
+_OVERHEAD_BYTES: Final = 64
 _DOUBTED_TRIES: Final = 8
 """After this many tries a sample carries SYNC: its receiver may count in another lineage."""
 
@@ -49,6 +50,8 @@ class Stage(enum.Enum):
     """It is sent; an ACK is awaited until `due_at`."""
     OBJECT = "object"
     """It has a slot here and crosses as an object (`zacoustic.core.transport.objects`)."""
+    SPARE = "spare"
+    """It is sent again if its receiver shows that it lacks it."""
     ENDED = "ended"
     """Its end has been reported to the publisher."""
 
@@ -60,6 +63,11 @@ class JournalledSample(msgspec.Struct, frozen=True, array_like=True):
     prefix: bytes
     payload: bytes
     stamped: bool
+
+    @property
+    def size_bytes(self) -> int:
+        """What it takes of a bounded space, bytes."""
+        return len(self.payload) + _OVERHEAD_BYTES
 
 
 class Outgoing:
@@ -74,8 +82,8 @@ class Outgoing:
 
     __slots__ = (
         "acknowledged", "aimed_at", "asked", "delivery_id", "due_at", "expires_at", "first_order",
-        "follows", "held", "holes", "in_hole", "is_clear", "marked", "number", "order", "sent_at",
-        "stage", "tries", "unknown", "waiting",
+        "follows", "held", "holes", "in_hole", "is_again", "is_clear", "made_of", "marked",
+        "number", "order", "sent_at", "stage", "tries", "unknown", "waiting",
     )  # fmt: skip
 
     def __init__(
@@ -108,6 +116,10 @@ class Outgoing:
         self.aimed_at: int | None = None
         """The one receiver, of several that lack it, to which it was last repeated; None: all of
         them."""
+        self.made_of: JournalledSample | None = None
+        """What its record is made of; None: its payload is not here."""
+        self.is_again = False
+        """It was delivered, and goes again to a receiver that may have forgotten it."""
         self.tries = 0
         self.order = 0
         """The position of its last transmission among all transmissions of the node."""
@@ -116,6 +128,11 @@ class Outgoing:
         self.sent_at = 0
         """End of its last transmission, ns."""
         self.due_at = 0
+
+    @property
+    def is_delete(self) -> bool:
+        """Whether it deletes its key."""
+        return self.waiting.prefix[:1] == _DELETE
 
 
 class SampleWaiting(Waiting):
@@ -187,6 +204,8 @@ class SendLane:
         """Those of them that cross as objects, by delivery id."""
         self._expiring: list[tuple[int, int, Outgoing]] = []
         """A heap of instants, delivery ids and samples; also of those that have ended since."""
+        self.oldest_kept: int | None = None
+        """The oldest delivered number that may go to a receiver again; None: none."""
         self._end = next_number
         self._named_end = next_number
         """No acknowledgement or refusal has named this number or a later one."""
@@ -271,12 +290,59 @@ class SendLane:
             queued_at=queued_at,
         )
         sample = Outgoing(number, kept.delivery_id, waiting)
+        sample.made_of = kept
         waiting.lane, waiting.sample = self, sample
         self.samples.append(sample)
         self._under_way[sample.delivery_id] = sample
         if expires_at is not None:
             self.expire(sample, expires_at)
         return sample
+
+    def give_again(
+        self, stream: Stream, delivered: Iterable[Outgoing], first: int, address: int
+    ) -> Outgoing | None:
+        """Send to one receiver again what it has acknowledged from a number on.
+
+        Args:
+            stream: The topic.
+            delivered: Samples that have ended, with their numbers.
+            first: The number.
+            address: The receiver.
+
+        Returns:
+            The newest sample that it may lack; the others that have ended are spare. None: none.
+        """
+        reception = self.receptions.get(address)
+        if reception is None or (self.subscribers is not None and address not in self.subscribers):
+            return None
+        there = {each.number for each in self.samples}
+        end, others = self.next_number, self.receptions.keys() - {address}
+        for each in delivered:
+            if each.number in there or each.made_of is None:
+                continue
+            self.next_number = each.number
+            queued_at = each.waiting.queued_at
+            again = self.add(stream, each.made_of, queued_at=queued_at, expires_at=each.expires_at)
+            again.is_again, again.stage = True, Stage.SPARE
+            again.acknowledged |= others
+        self.next_number = end
+        self.samples = deque(sorted(self.samples, key=lambda each: each.number))
+        given = [
+            each for each in self.samples if each.number >= first and each.stage is not Stage.OBJECT
+        ]
+        if not given:
+            return None
+        self.regress(address, min(reception.expected, given[0].number))
+        if given[-1].stage is Stage.SPARE:
+            given[-1].stage = Stage.BEHIND
+        return given[-1]
+
+    def release(self, address: int | None = None) -> None:
+        """Send the spare samples that a receiver lacks; None: that any receiver may lack."""
+        for sample in self.samples:
+            lacks = address is None or address not in sample.acknowledged
+            if sample.stage is Stage.SPARE and lacks:
+                sample.stage = Stage.BEHIND
 
     def insert(self, stream: Stream, kept: JournalledSample, number: int) -> Outgoing:
         """Insert a sample from before the restart at its number, in place of the one there."""
@@ -311,7 +377,7 @@ class SendLane:
 
     def enlarge(self, sample: Outgoing) -> None:
         """Note that a sample crosses as an object."""
-        sample.stage = Stage.OBJECT
+        sample.stage, sample.made_of = Stage.OBJECT, None
         self._large[sample.delivery_id] = sample
 
     def expire(self, sample: Outgoing, at: int) -> None:
@@ -357,7 +423,7 @@ class SendLane:
         unless the numbers are journalled.
         """
         was_sent = any(
-            each.tries or each.stage is Stage.ON_AIR
+            each.tries or each.is_again or each.stage is Stage.ON_AIR
             for each in chain((sample,), self.active())
             if each.number >= sample.number
         )
@@ -458,9 +524,9 @@ class SendLane:
         sample.marked = self.is_marked(sample, now)
         if self.rhythm is not None:
             (reception,) = self.receptions.values()
-            if not sample.tries:
+            if not (sample.tries or sample.is_again):
                 self.rhythm.first_sent(sample.number, reception.expected, now, times)
-            is_off_beat = bool(sample.tries) and not sample.marked
+            is_off_beat = (bool(sample.tries) or sample.is_again) and not sample.marked
             if sample.waiting.sync or is_off_beat or self._has_large:
                 self.rhythm.end()
         sample.first_order = sample.first_order or sample.order
@@ -512,6 +578,10 @@ class SendLane:
             # It need not wait for what others lack, but they must not read this floor.
             floor = max(floor, self._told(lacking[0]), self.floor_of(lacking[0]))
             waiting.for_one_node = True
+        if self.oldest_kept is not None and any(
+            self.receptions[address].has_forgotten for address in lacking
+        ):
+            floor = min(floor, self.oldest_kept)  # whoever lacks that says so
         waiting.sync = Sync(span.lineage, max(floor, span.first)).encode()
 
     def answered(self, address: int) -> None:

@@ -155,6 +155,8 @@ class LargeSlots:
         if found is None:
             return False  # it has ended
         lane, sample = found
+        if sample.is_again:
+            return False
         if not (lane.is_journalled and sample.waiting.payload):
             return True
         self._keeping.forget(lane, sample)

@@ -17,7 +17,6 @@ from zacoustic.ros.attachment import read_attachment
 from zacoustic.ros.streams import RosAction
 from zacoustic.ros.tokens import Entity
 from zacoustic.zenoh.gateway.dialect.dialects import Declared
-from zacoustic.zenoh.gateway.dialect.latched import LatchedPublisher
 from zacoustic.zenoh.gateway.dialect.ros.graph import Graph
 from zacoustic.zenoh.gateway.dialect.ros.services import ServiceEnds
 from zacoustic.zenoh.gateway.dialect.ros.topics import CDR, Teller
@@ -30,6 +29,7 @@ from zacoustic.zenoh.session.asking.goals import (
     GoalState,
     Verdict,
 )
+from zacoustic.zenoh.session.latching import LatchedPublisher
 from zacoustic.zenoh.session.session import ZenohSession
 
 STATUS_CODES: Final = {
@@ -100,7 +100,7 @@ class RosActionForm(ActionForm):
             for key, topic in self._topics.values()
         ]
         self._status = LatchedPublisher(
-            self._keys[ActionKey.STATUS], action.status.qos.depth, zenoh_session, self._priority
+            zenoh_session, self._keys[ActionKey.STATUS], action.status.qos.depth, self._priority
         )
 
     def key(self, which: ActionKey) -> str:
@@ -127,7 +127,7 @@ class RosActionForm(ActionForm):
         """Put feedback or status, on the loop."""
         attachment = self._tellers[which].attachment()
         if which is ActionKey.STATUS:
-            self._status.put(payload, CDR, attachment)
+            self._status.put(payload, encoding=CDR, attachment=attachment)
             return
         self._zenoh_session.put(
             self.key(which),

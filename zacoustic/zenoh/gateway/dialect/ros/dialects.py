@@ -34,6 +34,7 @@ class RosDialects(Dialects):
         zenoh_session: Their session.
         input_errors: Takes endpoints that do not fit.
         ring: Wakes the loop, which then calls `settle`.
+        clock: Source of instants.
         wall_clock: Returns UTC, ns since 1970.
     """
 
@@ -46,9 +47,10 @@ class RosDialects(Dialects):
         input_errors: InputErrors,
         ring: Callable[[], None],
         *,
+        clock: Clock = time.monotonic_ns,
         wall_clock: Clock = time.time_ns,
     ) -> None:
-        super().__init__(zenoh_session)
+        super().__init__(zenoh_session, clock)
         self._address = address
         self._table = table
         self._ros = ros.streams
@@ -66,7 +68,13 @@ class RosDialects(Dialects):
         if not isinstance(ros, RosTopic):
             return super().topic(stream)
         made = self._topics[stream.stream_id] = RosTopicDialect(
-            stream, self._zenoh_session, ros, self._graph, self._input_errors, self._wall_clock
+            stream,
+            self._zenoh_session,
+            ros,
+            self._graph,
+            self._input_errors,
+            self._wall_clock,
+            self._clock,
         )
         made.expect(tuple(self._table.nodes))
         return made

@@ -74,6 +74,8 @@ class Graph:
         self._news: dict[str, Token] = {}
         self._has_changed = False
         self._gids: set[bytes] = set()
+        self._gone: dict[bytes, None] = {}
+        """Gids of publishers whose tokens are gone, the latest last."""
 
     # The gateway's endpoints
 
@@ -129,6 +131,11 @@ class Graph:
         with self._guard:
             return bool(self._servers.get(f"/{key.name}"))
 
+    def has_gone(self, gid: bytes) -> bool:
+        """Return whether the token of a publisher was there and is gone; on any thread."""
+        with self._guard:
+            return gid in self._gone
+
     def is_gateway(self, gid: bytes) -> bool:
         """Return whether a gid belongs to a gateway's endpoint; on any thread."""
         with self._guard:
@@ -168,6 +175,13 @@ class Graph:
             elif not is_there:
                 self._seen.pop(key, None)
                 self._news.pop(key, None)
+            if token.kind is Entity.PUBLISHER:
+                gid = gid_of(key)
+                self._gone.pop(gid, None)
+                if not is_there:
+                    self._gone[gid] = None
+                    if len(self._gone) > TOKENS_LIMIT:
+                        del self._gone[next(iter(self._gone))]
             if token.kind is Entity.SERVER:
                 keys = self._servers.setdefault(token.topic, set())
                 (keys.add if key in self._seen else keys.discard)(key)

@@ -2,8 +2,11 @@
 
 import math
 import threading
+import time
 from collections.abc import Sequence
 from typing import Final
+
+import zenoh
 
 from zacoustic.core.base.clock import Clock, seconds_to_ns
 from zacoustic.core.engine.events import SampleReceived
@@ -64,6 +67,7 @@ class RosTopicDialect(TopicDialect):
         graph: Its endpoints.
         input_errors: Takes the errors of stamps.
         wall_clock: Returns UTC, ns since 1970.
+        clock: Source of instants.
     """
 
     def __init__(
@@ -74,8 +78,9 @@ class RosTopicDialect(TopicDialect):
         graph: Graph,
         input_errors: InputErrors,
         wall_clock: Clock,
+        clock: Clock = time.monotonic_ns,
     ) -> None:
-        super().__init__(stream, zenoh_session)
+        super().__init__(stream, zenoh_session, clock)
         self._topic = topic
         self._graph = graph
         self._input_errors = input_errors
@@ -101,6 +106,21 @@ class RosTopicDialect(TopicDialect):
         """Return whether its gid belongs to a gateway."""
         read = read_attachment(attachment)
         return read is not None and self._graph.is_gateway(read.gid)
+
+    def publisher_of(self, sample: zenoh.Sample) -> bytes:
+        """Return the gid of a message's publisher."""
+        attachment = None if sample.attachment is None else sample.attachment.to_bytes()
+        read = None if attachment is None else read_attachment(attachment)
+        return b"" if read is None or not self.is_latched else read.gid
+
+    @property
+    def sees_publishers(self) -> bool:
+        """Return that it does, by tokens."""
+        return True
+
+    def has_gone(self, publisher: bytes) -> bool:
+        """Return whether the token of a publisher was there and is gone."""
+        return self._graph.has_gone(publisher)
 
     def read(self, parcel: Parcel) -> Reading:
         """Read CDR; if the stamp becomes an age, it gives the sample its age."""
