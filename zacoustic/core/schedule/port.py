@@ -450,6 +450,31 @@ class LinkPort:
         else:
             self.access.handle_control(source, control, started_at, error_ns, now)
 
+    def travel(
+        self, source: int, frame: ReceivedFrame, content_bytes: int, now: int
+    ) -> tuple[int, int | None]:
+        """Return how long a frame was on its way: from its first bit there to its last one here.
+
+        Args:
+            source: Its source.
+            frame: The frame.
+            content_bytes: Size of its records, bytes.
+            now: The instant.
+
+        Returns:
+            The duration, and its largest error, ns; None: nothing bounds that, since the device
+            decides when a frame begins.
+        """
+        if frame.travel is not None:
+            return frame.travel
+        size_bytes = len(frame.frame_bytes)
+        if not self.capabilities.framed:  # a piece of a byte stream may hold any part of frames
+            size_bytes = content_bytes + self.capabilities.mtu_bytes - self.envelope.room_bytes
+        way_ns, error_ns = self._way(source, frame, now)
+        travel_ns = self.airtime_ns(size_bytes, frame.service) + way_ns
+        is_bounded = frame.service is Service.PLAIN and not self.capabilities.controls_access
+        return travel_ns, error_ns if is_bounded else None
+
     def _way(self, source: int, frame: ReceivedFrame, now: int) -> tuple[int, int]:
         """Return the propagation delay of a frame and its largest error, ns."""
         measured_s = frame.metrics.propagation_s

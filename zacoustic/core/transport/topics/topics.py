@@ -38,7 +38,7 @@ from zacoustic.core.transport.topics.copied import CopiedSamples
 from zacoustic.core.transport.topics.deadlines import Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
 from zacoustic.core.transport.topics.successors import Successor, Successors
-from zacoustic.core.values.age import decode_age_s
+from zacoustic.core.values.age import NO_AGE, UNKNOWN
 from zacoustic.core.values.payload import PayloadError, ReferenceUnknownError
 from zacoustic.core.wire.frame import SYNC_BYTES, DenseBlock, Record
 from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
@@ -183,6 +183,7 @@ class Topics:
             dense_value=sample.dense_value,
             tick=self._stats.published[stream.stream_id],
             queued_at=sample.made_at,
+            made_at=sample.dated_at,
             expires_at=sample.expires_at,
         )
         lane = (stream.stream_id, SAMPLE_LANE, *sample.instance)
@@ -280,6 +281,7 @@ class Topics:
             payload=sample.payload,
             stamped=sample.stamped,
             queued_at=sample.made_at,
+            made_at=sample.dated_at,
             expires_at=sample.expires_at,
             delivery_id=successor.delivery_id,
             now=now,
@@ -310,11 +312,11 @@ class Topics:
             if not content:
                 return "payload"
             low_number, content = content[0], content[NUMBER_BYTES:]
-        age_s: float | None = None
+        age = NO_AGE
         if stream.qos.stamp is Stamp.AGE and not prefixes.delete:
             if not content:
                 return "payload"
-            age_s, content = decode_age_s(content[0]), content[_AGE_BYTES:]
+            age, content = heard.age(content[0]), content[_AGE_BYTES:]
         if prefixes.delete and content:
             return "payload"
         try:
@@ -329,7 +331,8 @@ class Topics:
             value=value,
             deleted=prefixes.delete,
             encoding=prefixes.encoding or stream.encoding,
-            age_s=age_s,
+            age_s=age.seconds,
+            age_error_s=age.error_s,
             received_at=received.received_at,
             metrics=received.metrics,
         )
@@ -403,7 +406,7 @@ class Topics:
     def _receive_dense(self, heard: Heard, stream_id: int, value: dict[str, Any]) -> None:
         """Deliver a sample of a dense block."""
         stream = self._table.by_id(stream_id)
-        code: int | None = value.pop(AGE_FIELD, None)
+        age = heard.age(value.pop(AGE_FIELD, UNKNOWN))
         sample = SampleReceived(
             stream_id=stream_id,
             source=heard.source,
@@ -411,7 +414,8 @@ class Topics:
             value=stream.dense_sample(value),
             deleted=False,
             encoding=stream.encoding,
-            age_s=None if code is None else decode_age_s(code),
+            age_s=age.seconds,
+            age_error_s=age.error_s,
             received_at=heard.frame.received_at,
             metrics=heard.frame.metrics,
         )

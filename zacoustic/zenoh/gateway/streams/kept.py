@@ -35,6 +35,7 @@ class _Entry(msgspec.Struct, frozen=True, array_like=True):
     source: int
     age_s: float | None
     received_utc_ns: int
+    age_error_s: float | None = None
 
 
 class KeptSamples:
@@ -95,6 +96,7 @@ class KeptSamples:
                     encoding=entry.encoding,
                     source=entry.source,
                     age_s=age_s,
+                    age_error_s=entry.age_error_s,
                     received_at=self._clock(),
                 ),
             )
@@ -111,6 +113,7 @@ class KeptSamples:
                 value.source,
                 value.age_s,
                 received_utc_ns,
+                value.age_error_s,
             )
         )
         identity = (stream.stream_id, value.key, self._next_serial)

@@ -128,7 +128,7 @@ class Topics:
         if self._redundant.shares_network(event.source, self._table.by_id(event.stream_id)):
             return
         dialect = self.dialects[event.stream_id]
-        stream = dialect.stream
+        stream, event = dialect.stream, event.aged(self._clock())
         key = dialect.key(stream.keys.key(event.source, event.instance))
         delivers = self._redundant.delivers(stream)
         if event.deleted:
@@ -149,6 +149,7 @@ class Topics:
             encoding=written.encoding,
             source=event.source,
             age_s=event.age_s,
+            age_error_s=event.age_error_s,
             received_at=event.received_at,
             attachment=written.attachment,
         )
@@ -215,6 +216,7 @@ class Topics:
                 encoding=reading.encoding,
                 delete=parcel.deleted,
                 queued_at=queued_at,
+                is_dated=reading.is_dated,
             )
         except PayloadInvalidError as error:
             self._input_errors.add(stream.name, "payload", str(error))

@@ -22,7 +22,7 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTable
 from zacoustic.core.streams.wireprofile import WireProfile
-from zacoustic.core.values.age import decode_age_s
+from zacoustic.core.values.age import OLDER, UNKNOWN, age_words, decode_age
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.wire.agreement import (
@@ -239,7 +239,7 @@ class _Reader:
         said = {name: part for name, part in value.items() if name != AGE_FIELD}
         shown = printable(stream.dense_sample(said))
         if AGE_FIELD in value:
-            head += f", {decode_age_s(value[AGE_FIELD]):g} s old"
+            head += f", {_age_of(value[AGE_FIELD])}"
         text = f"{head}: {json.dumps(shown, ensure_ascii=False)}"
         return DecodedItem(kind="sample", text=text, stream_id=stream_id, name=key, value=shown)
 
@@ -352,7 +352,7 @@ class _Reader:
                 kind="delete", text=f"{head} deleted", stream_id=stream.stream_id, name=key
             )
         if stream.qos.stamp is Stamp.AGE:
-            head += f", {decode_age_s(payload[0]):g} s old" if payload else ", without its age"
+            head += f", {_age_of(payload[0])}" if payload else ", without its age"
             payload = payload[1:]
         if prefixes.encoding is not None:
             head += f", {prefixes.encoding}"
@@ -434,8 +434,8 @@ def _call(stream: Stream, spec: ServiceSpec, record: Record, source: int) -> Dec
             kind="error", text=f"{head}: {said}", stream_id=stream.stream_id, name=stream.name,
             value=said,
         )  # fmt: skip
-    age_s, payload = split_age(stream, payload)
-    head += "" if age_s is None else f", {age_s:g} s old"
+    code, payload = split_age(stream, payload)
+    head += "" if code is None else f", {_age_of(code)}"
     codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
     return decoded(kind.name.lower(), head, stream.stream_id, stream.name, codec, payload)
 
@@ -496,3 +496,9 @@ def _unread(record: Record) -> DecodedItem:
         stream_id=record.stream_id,
         value=record.content.hex(),
     )
+
+
+def _age_of(code: int) -> str:
+    """Return the age that a code stands for, as its frame began."""
+    seconds = decode_age(code).seconds
+    return age_words(seconds) if code in (OLDER, UNKNOWN) else f"{seconds:g} s old"
