@@ -54,8 +54,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 `values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
                 `encoding`, `age`
 `base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `linkids`,
-                `parts` of frames, `qos`, `journal`, `signals`, `sizes`, `stats`, `trace`;
-                `allowance` is what a silent node may cost
+                `moments` that outlast a restart, `parts` of frames, `qos`, `journal`, `signals`,
+                `sizes`, `stats`, `trace`; `allowance` is what a silent node may cost
 ==============  ====================================================================================
 
 `clock` and `linktypes` are importable from here as well, for links.

@@ -88,6 +88,7 @@ class Node:
             owner=self,
             emit=self.tell,
             journal=self.journal,
+            moments=Moments(stored),
         )
         self.objects.restore(stored, lambda order: "", lambda order, why, now: None)
         self.use_link(medium.capabilities)

@@ -56,7 +56,7 @@ Made = int | Remembered | None
 """When something was made: an instant, ns; None: unknown."""
 
 
-def made_at(made: Made, now: int) -> int | None:
+def instant_of(made: Made, now: int) -> int | None:
     """Return when something was made, ns; None: unknown."""
     return made.at(now) if isinstance(made, Remembered) else made
 

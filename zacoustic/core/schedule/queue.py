@@ -30,7 +30,7 @@ from typing import Any, Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
-from zacoustic.core.base.moments import Made, made_at
+from zacoustic.core.base.moments import Made, instant_of
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import NO_OVERRIDE, PATIENCE_NS, Override, Priority, Qos
 from zacoustic.core.base.stats import Cause
@@ -185,7 +185,7 @@ class Waiting:
 
     def age_at(self, now: int) -> int:
         """Return the code of its age for a frame that goes now."""
-        made = made_at(self.made_at, now)
+        made = instant_of(self.made_at, now)
         return encode_age(None if made is None else now - made)
 
     @property

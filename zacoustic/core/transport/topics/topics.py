@@ -269,6 +269,7 @@ class Topics:
                 now,
                 instance=sample.instance,
                 encoding=sample.encoding,
+                made_at=sample.dated_at,
                 expires_at=sample.expires_at,
                 delivery_id=successor.delivery_id,
             )

@@ -6,7 +6,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.base.moments import made_at
+from zacoustic.core.base.moments import instant_of
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
@@ -115,7 +115,7 @@ class ReliableReceiving:
         for key in self._left:
             lane = self._lanes[key]
             for sample, since in zip(lane.pending, lane.pending_since, strict=True):
-                received_at = made_at(since, now)
+                received_at = instant_of(since, now)
                 if received_at is None:  # how long it has lain in the journal is not known
                     sample = msgspec.structs.replace(sample, age_s=None, age_error_s=None)
                 else:
