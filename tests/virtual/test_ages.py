@@ -140,7 +140,7 @@ class Run:
 
 
 def _measuring(way_s: float | None, **settings: Any) -> Engine:
-    """Make an engine whose modem measures, with each frame, how long it was on its way."""
+    """Make an engine whose modem measures how long each frame was on its way; None: it does not."""
     engine = Engine(**settings)
     take = engine.handle_frame
 
@@ -158,8 +158,7 @@ def _measuring(way_s: float | None, **settings: Any) -> Engine:
             link,
         )
 
-    if way_s is not None:
-        engine.handle_frame = handle_frame  # type: ignore[method-assign]
+    engine.handle_frame = handle_frame  # type: ignore[method-assign]
     return engine
 
 
@@ -224,3 +223,22 @@ def test_an_age_that_no_clock_tells_any_more_is_unknown() -> None:
     first, second = (event for event, _ in run.seen)
     assert first.age_s is not None
     assert (second.age_s, second.age_error_s) == (None, None), "its host has no clock to trust"
+
+
+@pytest.mark.parametrize("metres", [500.0, 2000.0])
+def test_half_of_the_round_trip_is_the_way_where_modems_measure_none(
+    metres: float, count: Callable[[int], int]
+) -> None:
+    for seed in range(count(40)):
+        run = Run(metres, 0.1, seed=seed, measures=False)
+        for number in range(12):
+            run.network.at(10.0 + 150.0 * number, partial(run.network.publish, 1, BACK, b"do"))
+        at_s = 5.0
+        while at_s < 1800.0:
+            run.network.at(at_s, partial(run.publish, run.rng.choice((SMALL, DENSE, KEPT, LARGE))))
+            at_s += run.rng.expovariate(1 / 40)
+        run.network.run(until_s=3600.0)
+        assert run.understated() == [], f"seed {seed}"
+        known = [event for event, _ in run.seen if event.received_at > seconds_to_ns(400)]
+        run.seen = [each for each in run.seen if each[0] in known]
+        assert run.wrong() == [], f"seed {seed}"

@@ -409,6 +409,8 @@ class LinkStack:
 
     def _hear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Record that a node was heard."""
+        airtime_ns = port.airtime_ns(len(frame.frame_bytes), frame.service)
+        self._context.pacers.arrives(opened.source, frame.received_at, airtime_ns)
         if opened.source != UNKNOWN_SOURCE:
             self._context.node.contact.heard(opened.source, now)
             self._context.node.lost_contact.heard(opened.source, now)
@@ -432,4 +434,5 @@ class LinkStack:
             most_outstanding=LONGEST_TRAIN if self._context.is_route else MOST_OUTSTANDING,
             is_crowd=lambda: self._context.is_crowd,
             max_airtime=self._max_airtime,
+            answered=self._context.pacers.way,
         )
