@@ -288,7 +288,7 @@ class LinkStack:
             self._hear(opened, frame, port, now)
         else:
             port.heard(opened.source, len(frame.frame_bytes), now, frame.service)
-        return self._forwarding.handle(opened, frame, now)
+        return self._forwarding.handle(opened, self._timed(opened, frame, port, now), now)
 
     def _take_from_hop(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
@@ -297,8 +297,15 @@ class LinkStack:
         self._hear(opened, frame, port, now)
         reason: str | None = "relay_route"
         if self._forwarding is not None and self._forwarding.takes(opened.records):
-            reason = self._forwarding.handle(opened, frame, now)
+            reason = self._forwarding.handle(opened, self._timed(opened, frame, port, now), now)
         self._drop(reason, frame, now)
+
+    def _timed(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> ReceivedFrame:
+        """Return a frame with how long it was on its way."""
+        travel = port.travel(opened.source, frame, len(opened.records), now)
+        return msgspec.structs.replace(frame, travel=travel)
 
     def _take_plain(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int
