@@ -10,21 +10,25 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
+import msgspec
 import pytest
 
 from tests.virtual.fleet import line
+from tests.virtual.lineoffive import route
 from zacoustic.core.base.qos import Qos, Reliability, Stamp
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.linktypes import LinkMetrics, ReceivedFrame
+from zacoustic.core.profiles.rules import TransmitRules
+from zacoustic.core.relay.flood import Flood
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.types import FieldSpec, TypeSpec, TypeTable
 from zacoustic.testing.virtual import VirtualNetwork
 
 SMALL, DENSE, KEPT, LARGE, BACK = 1, 2, 3, 4, 5
-NODES: Final = {1: "shore", 2: "auv1"}
+NODES: Final = {1: "shore", 2: "auv1", 3: "buoy"}
 NAV: Final = TypeSpec(
     name="Nav",
     fields=(
@@ -63,6 +67,8 @@ class Run:
         seed: Of everything.
         measures: Whether modems measure how long each frame was on its way.
         faults: Of the scenario.
+        positions: Of more nodes than two, m to the east.
+        links: Of the scenario.
         more: Arguments of `VirtualNetwork`.
     """
 
@@ -74,6 +80,8 @@ class Run:
         seed: int,
         measures: bool = True,
         faults: dict[str, Any] | None = None,
+        positions: tuple[float, ...] = (),
+        links: list[dict[str, Any]] | None = None,
         **more: Any,
     ) -> None:
         self.rng = random.Random(seed)
@@ -81,7 +89,12 @@ class Run:
         self.seen: list[tuple[SampleReceived, float]] = []
         """The samples, and their true ages as they arrived, s."""
         scenario = line(
-            0, metres, seed=seed, channel="none", loss={"frame": loss}, faults=faults or {}
+            *(positions or (0, metres)),
+            seed=seed,
+            channel="none",
+            loss={"frame": loss},
+            faults=faults or {},
+            links=links or [],
         )
         self.network = VirtualNetwork(
             scenario,
@@ -242,3 +255,42 @@ def test_half_of_the_round_trip_is_the_way_where_modems_measure_none(
         known = [event for event, _ in run.seen if event.received_at > seconds_to_ns(400)]
         run.seen = [each for each in run.seen if each[0] in known]
         assert run.wrong() == [], f"seed {seed}"
+
+
+def over_hops(seed: int, loss: float, *, floods: bool) -> Run:
+    """Return three nodes in a line, of which the last publishes to the first over the second."""
+    streams = (SMALL, DENSE, KEPT, LARGE)
+    name = "flood" if floods else "far"
+    rules = TransmitRules(links_of_streams=dict.fromkeys(streams, name))
+    if floods:
+        rules = msgspec.structs.replace(rules, flood=Flood(hops=2, link="link"))
+    else:
+        rules = msgspec.structs.replace(rules, routes=(route(1, 3, 2),))
+    plain = msgspec.structs.replace(rules, links_of_streams={})
+    return Run(
+        1500.0,
+        loss,
+        seed=seed,
+        positions=(0.0, 3000.0, 1500.0),
+        rules={1: rules, 2: rules, 3: rules if floods else plain},
+        links=[{"from": a, "to": b, "loss": {"frame": 1.0}} for a, b in ((1, 2), (2, 1))],
+    )
+
+
+@pytest.mark.parametrize("floods", [False, True])
+@pytest.mark.parametrize("loss", [0.0, 0.2])
+def test_each_hop_adds_its_part(loss: float, floods: bool, count: Callable[[int], int]) -> None:
+    arrived = 0
+    for seed in range(count(40)):
+        run = over_hops(seed, loss, floods=floods)
+        at_s = 60.0
+        while at_s < 3600.0:
+            stream_id = run.rng.choice((SMALL, SMALL, DENSE, KEPT, KEPT, LARGE))
+            ago_s = run.rng.choice((0.0, 10 ** run.rng.uniform(0, 3)))
+            run.network.at(at_s, partial(run.publish, stream_id, ago_s))
+            at_s += run.rng.expovariate(1 / 120)
+        run.network.run(until_s=7200.0)
+        assert run.wrong() == [], f"seed {seed}"
+        assert run.understated() == [], f"seed {seed}"
+        arrived += len(run.seen)
+    assert arrived, "the test has tested something"
