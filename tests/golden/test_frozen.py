@@ -17,14 +17,14 @@ FOLDER: Final = Path(__file__).parent
 FROZEN: Final = {
     "arithmetic.json": "647bcc4f550c0444",
     "conversations/call.json": "9291fba34ba98a2c",
-    "conversations/contact.json": "d0b616570633aeeb",
-    "conversations/dense.json": "2a4c817332fefbea",
+    "conversations/contact.json": "40dda4f63728aa83",
+    "conversations/dense.json": "ffa332e15d68404e",
     "conversations/goal.json": "2c2da6a254af5dbf",
     "conversations/object.json": "83e74355796d4fde",
     "conversations/reliable.json": "11c4a106d6ec285c",
     "conversations/reliable_sealed.json": "340e661ba0a68c3b",
     "conversations/sealed.json": "2af87069b34fecf1",
-    "conversations/tables.json": "005577cdf9c61e8e",
+    "conversations/tables.json": "717a59717c6ea3fb",
     "dense_frames.json": "4a50825a36bc486c",
     "ends.json": "38a4aafcb49ce36f",
     "edges.json": "bb4fb1c48c1dc398",
@@ -34,8 +34,8 @@ FROZEN: Final = {
     "payload_refused.json": "b5998c8cd928cf97",
     "refusals.json": "48a24d9957e3d6b7",
     "tables.json": "2b204b6ecb9bfa44",
-    "wire_native.json": "2c6ed74cee97870c",
-    "wire_relayed.json": "9b02230a81e5eff7",
+    "wire_native.json": "99a8af24877ca36e",
+    "wire_relayed.json": "1725f8a4b0febb65",
     "wire_sealed.json": "7677bd3dbd54735f",
 }
 

@@ -106,6 +106,8 @@ EXPECTED: dict[str, tuple[Way, list[Any]]] = {
     "sample_typed": (ALL, [NAV]),
     "sample_opaque": (ALL, [Sample(11, (), b"hello")]),
     "sample_aged": (ALL, [Sample(12, (), b"old", age_s=4.2)]),
+    "sample_six_hours_old": (ALL, [Sample(12, (), b"old", age_s=21184.788)]),
+    "sample_too_old": (ALL, [Sample(12, (), b"old", age_s=float("inf"))]),
     "sample_wildcard": (ALL, [Sample(13, ("sonar",), b"\x01")]),
     "delete": (ALL, [Sample(13, ("ctd",), None)]),
     "sample_encoding": (ALL, [Sample(11, (), b"hi", "text/plain")]),

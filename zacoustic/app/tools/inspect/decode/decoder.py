@@ -159,8 +159,9 @@ class FrameDecoder:
             text = f"RELAY probe {probe.number} of run {probe.run}"
             return [DecodedItem(kind="relay", text=text)]
         match decode_relayed(records):
-            case Relayed(number, content, more, is_urgent):
+            case Relayed(number, content, more, is_urgent, age):
                 text = f"RELAY {'urgent, ' if is_urgent else ''}{_number_text(number)}"
+                text += f", {_age_of(age)}"
                 text += "; another one follows" if more else ""
                 inside = self.decode(content, unicast=True)
                 return [DecodedItem(kind="relay", text=text), *inside]
@@ -181,7 +182,7 @@ class FrameDecoder:
             return [DecodedItem(kind="stray", text=text, fault="flood_format")]
         to = "all" if flooded.destination == BROADCAST else f"node {flooded.destination}"
         text = f"RELAY {flooded.seq}, flooded by node {flooded.origin} for {to}"
-        text += f"; {flooded.left} further nodes may pass it on"
+        text += f", {_age_of(flooded.age)}; {flooded.left} further nodes may pass it on"
         is_for_one = flooded.destination != BROADCAST
         inside = self.decode(flooded.content, source=flooded.origin, unicast=is_for_one)
         return [DecodedItem(kind="relay", text=text), *inside]
@@ -192,6 +193,7 @@ class FrameDecoder:
             text = f"STRAY {len(records)} bytes: a frame of a bond that is cut short"
             return [DecodedItem(kind="stray", text=text, fault="relay_format")]
         text = f"RELAY {bonded.seq} of bond {bonded.number}"
+        text += f", {_age_of(bonded.age)}" if bonded.content else ""
         text += "; its receivers answer" if bonded.wants_answer else ""
         inside = self.decode(bonded.content) if bonded.content else []
         return [DecodedItem(kind="relay", text=text), *inside]
