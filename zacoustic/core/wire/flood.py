@@ -4,8 +4,8 @@ It begins like a relayed frame, with the number of no route::
 
     BF  1tt00000  origin 1  destination 1  seq 1  age 1  frame
 
-tt is how many further nodes may pass it on; age is that of the frame inside. Both change on the way,
-and nothing authenticates them.
+tt is how many further nodes may pass it on; age is that of the frame inside. Both change on the
+way, and nothing authenticates them.
 """
 
 from typing import Final
