@@ -17,8 +17,8 @@ from zacoustic.core.wire.bond import (
 from zacoustic.core.wire.relay import is_relayed
 
 VECTORS = {
-    "bf 5f 07 01 17": Bonded(31, 7, b"\x01\x17", wants_answer=True),
-    "bf 1f 07 01 17": Bonded(31, 7, b"\x01\x17"),
+    "bf 5f 07 00 01 17": Bonded(31, 7, b"\x01\x17", wants_answer=True, age=0),
+    "bf 1f 07 15 01 17": Bonded(31, 7, b"\x01\x17", age=21),
     "bf 5f 08": Bonded(31, 8, b"", wants_answer=True),
 }
 
@@ -59,7 +59,9 @@ def test_any_bytes_are_decoded_to_themselves_or_refused(tail: bytes) -> None:
     assert answers is None or encode_answers(answers)[3:] == tail
 
 
-@pytest.mark.parametrize("cut", ["bf", "bf 5f", "bf 1f 07", "bf 40 07 01", "bf 9f 07 01"])
+@pytest.mark.parametrize(
+    "cut", ["bf", "bf 5f", "bf 1f 07", "bf 1f 07 01", "bf 40 07 00 01", "bf 9f 07 00 01"]
+)
 def test_what_is_cut_off_is_refused(cut: str) -> None:
     assert decode(bytes.fromhex(cut)) is None
 
@@ -70,8 +72,8 @@ def test_an_answer_has_so_many_at_most() -> None:
 
 
 def test_frames_of_bonds_in_words() -> None:
-    items = FrameDecoder(bonds=[31]).decode(bytes.fromhex("bf5f0702"))
+    items = FrameDecoder(bonds=[31]).decode(bytes.fromhex("bf5f070002"))
     assert [each.kind for each in items] == ["relay", "record"]
-    assert items[0].text == "RELAY 7 of bond 31; its receivers answer"
+    assert items[0].text == "RELAY 7 of bond 31, 0 s old; its receivers answer"
     (question,) = FrameDecoder(bonds=[31]).decode(bytes.fromhex("bf5f08"))
     assert question.text == "RELAY 8 of bond 31; its receivers answer"

@@ -12,14 +12,17 @@ from zacoustic.core.wire.relay import decode as decode_relayed
 
 
 def test_vector_of_the_page() -> None:
-    encoded = bytes.fromhex("bf c0 01 ff 05 01 17")
-    assert "| `bf c0 01 ff 05 01 17` |" in (ROOT / "docs/wire.md").read_text(encoding="utf-8")
-    flooded = Flooded(1, BROADCAST, 5, 2, b"\x01\x17")
+    encoded = bytes.fromhex("bf c0 01 ff 05 00 01 17")
+    assert "| `bf c0 01 ff 05 00 01 17` |" in (ROOT / "docs/wire.md").read_text(encoding="utf-8")
+    flooded = Flooded(1, BROADCAST, 5, 2, b"\x01\x17", 0)
     assert flooded.encode() == encoded
     assert decode(encoded) == flooded
     assert decode_relayed(encoded) is None
     said = decode_frame(encoded)
-    assert said[0].text == "RELAY 5, flooded by node 1 for all; 2 further nodes may pass it on"
+    assert (
+        said[0].text
+        == "RELAY 5, flooded by node 1 for all, 0 s old; 2 further nodes may pass it on"
+    )
     assert said[1].kind == "record"
 
 
@@ -36,8 +39,8 @@ def test_what_is_written_is_read(
 
 
 @pytest.mark.parametrize(
-    "wrong", ["bf 80", "bf 80 01 ff 05", "bf 81 01 ff 05 00", "bf 80 00 ff 05 00",
-              "bf 80 ff 01 05 00", "bf 80 01 00 05 00", "b0 80 01 ff 05 00"],
+    "wrong", ["bf 80", "bf 80 01 ff 05 00", "bf 81 01 ff 05 00 00", "bf 80 00 ff 05 00 00",
+              "bf 80 ff 01 05 00 00", "bf 80 01 00 05 00 00", "b0 80 01 ff 05 00 00"],
 )  # fmt: skip
 def test_what_is_cut_off_or_of_nobody_is_refused(wrong: str) -> None:
     assert decode(bytes.fromhex(wrong)) is None

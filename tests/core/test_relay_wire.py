@@ -18,9 +18,9 @@ from zacoustic.core.wire.relay import (
 )
 
 VECTORS: dict[str, RelayContent] = {
-    "bf 01 3f 01 17": Relayed(Number(1, False, 63), b"\x01\x17"),
-    "bf c2 00 01 17": Relayed(Number(2, True, 0), b"\x01\x17", more=True),
-    "bf 21 05 02": Relayed(Number(1, False, 5), b"\x02", is_urgent=True),
+    "bf 01 3f 0d 01 17": Relayed(Number(1, False, 63), b"\x01\x17", age=13),
+    "bf c2 00 ff 01 17": Relayed(Number(2, True, 0), b"\x01\x17", more=True),
+    "bf 21 05 ff 02": Relayed(Number(1, False, 5), b"\x02", is_urgent=True),
     "bf 00 01 3f 82 07": HopAcks((Number(1, False, 63), Number(2, True, 7))),
     "bf 40 01 3f": HopAcks((Number(1, False, 63),), more=True),
 }
@@ -74,15 +74,17 @@ def test_what_is_no_probe_is_not_read_as_one(other: str) -> None:
     assert decode_probe(bytes.fromhex(other)) is None
 
 
-@pytest.mark.parametrize("cut", ["bf", "bf 01", "bf 01 3f", "bf 00", "bf 00 01", "bf 00 00 07"])
+@pytest.mark.parametrize(
+    "cut", ["bf", "bf 01", "bf 01 3f", "bf 01 3f 00", "bf 00", "bf 00 01", "bf 00 00 07"]
+)
 def test_what_is_cut_off_is_refused(cut: str) -> None:
     assert decode(bytes.fromhex(cut)) is None
 
 
 def test_frames_of_routes_in_words() -> None:
-    items = decode_frame(bytes.fromhex("bf813f02"))
+    items = decode_frame(bytes.fromhex("bf813f0d02"))
     assert [each.kind for each in items] == ["relay", "record"]
-    assert items[0].text == "RELAY 63 of route 1 to its first node"
+    assert items[0].text == "RELAY 63 of route 1 to its first node, 1.3 s old"
     (acks,) = decode_frame(bytes.fromhex("bf 40 01 3f 82 07"))
     assert acks.text == (
         "RELAY hop acknowledgement of 63 of route 1 to its last node, 7 of route 2 to its first "

@@ -1,7 +1,5 @@
 """Topics: who may publish and listen, and what a record becomes."""
 
-import math
-
 import pytest
 
 from tests.core.rig import Rig
@@ -86,26 +84,38 @@ def test_delete_crosses_without_payload() -> None:
     assert (old.deleted, old.value, old.age_s) == (True, None, None)
 
 
-def test_age_is_that_of_the_moment_when_the_frame_was_composed() -> None:
+def test_age_counts_until_the_frame_begins_and_on_its_way() -> None:
     rig = ends()
     rig.publish(1, 3, b"x")
     rig.now = seconds_to_ns(4.2)
     rig.exchange()
-    assert last(rig, 2).age_s == 4.2
+    assert last(rig, 2).age_s == pytest.approx(4.2, abs=0.001)
+    assert last(rig, 2).age_error_s == pytest.approx(0.05, abs=0.01)
     rig.publish(1, 3, b"y", queued_at=rig.now - seconds_to_ns(3.0))
     rig.now += seconds_to_ns(1)
     rig.exchange()
-    assert last(rig, 2).age_s == 4.0
+    assert last(rig, 2).age_s == pytest.approx(4.0, abs=0.001)
     rig.publish(1, 3, b"z", queued_at=rig.now - seconds_to_ns(4000))
     rig.exchange()
-    assert last(rig, 2).age_s == math.inf
+    assert last(rig, 2).age_s == pytest.approx(4000, rel=0.041)
+
+
+def test_age_saturates_at_thirty_days_and_an_unknown_one_stays_unknown() -> None:
+    rig = ends()
+    rig.publish(1, 3, b"x", queued_at=rig.now - seconds_to_ns(31 * 86_400))
+    rig.exchange()
+    assert last(rig, 2).age_s == pytest.approx(30 * 86_400, abs=0.001)
+    assert last(rig, 2).age_error_s is None
+    rig.publish(1, 3, b"y", is_dated=False)
+    rig.exchange()
+    assert (last(rig, 2).age_s, last(rig, 2).age_error_s) == (None, None)
 
 
 def test_sample_of_the_future_is_one_of_now() -> None:
     rig = ends()
     rig.publish(1, 3, b"x", queued_at=seconds_to_ns(100))
     rig.exchange()
-    assert last(rig, 2).age_s == 0.0
+    assert last(rig, 2).age_s == pytest.approx(0.0, abs=0.001)
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from zacoustic.core.profiles.native.controls import CONTROLS
 from zacoustic.core.streams.carry import CARRY_STREAM_ID
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTable
-from zacoustic.core.values.age import decode_age_s
+from zacoustic.core.values.age import decode_age
 from zacoustic.core.values.dense import DenseCodec, Listener
 from zacoustic.core.values.payload import PayloadCodec, PayloadError
 from zacoustic.core.wire import carry
@@ -342,8 +342,7 @@ _FROM_SERVER: Final = {
 
 
 def _age(code: int) -> Fields:
-    age_s = decode_age_s(code)
-    return {"age_code": code, "age_s": None if age_s == float("inf") else age_s}
+    return {"age_code": code, "age_s": decode_age(code).seconds}
 
 
 def _value(codec: PayloadCodec, payload: bytes) -> Fields:

@@ -49,6 +49,7 @@ def _routed(name: str, content: relay.RelayContent, meaning: str) -> Vector:
             **_number(content.number),
             "more": content.more,
             "urgent": content.is_urgent,
+            "age_code": content.age,
             "frame": content.content.hex(),
         }
     else:
@@ -65,6 +66,7 @@ def _bonded(name: str, content: bond.Bonded, meaning: str) -> Vector:
         "bond": content.number,
         "number": content.seq,
         "answered": content.wants_answer,
+        **({"age_code": content.age} if content.content else {}),
         "frame": content.content.hex(),
     }
     data = content.encode()
@@ -79,6 +81,7 @@ def _flooded(name: str, content: flood.Flooded, meaning: str) -> Vector:
         "origin": content.origin,
         "destination": content.destination,
         "number": content.seq,
+        "age_code": content.age,
         "frame": content.content.hex(),
     }
     data = content.encode()
@@ -107,8 +110,8 @@ def vectors() -> list[Vector]:
     return [
         _routed(
             "relayed",
-            relay.Relayed(number, SAMPLE),
-            "route 1, number 63, towards the last node: a frame `01 17`",
+            relay.Relayed(number, SAMPLE, age=13),
+            "route 1, number 63, towards the last node: a frame `01 17`, 1.3 s old",
         ),
         _routed(
             "relayed_back",
@@ -143,7 +146,7 @@ def vectors() -> list[Vector]:
         ),
         _flooded(
             "flooded",
-            flood.Flooded(1, BROADCAST, 5, 2, SAMPLE),
+            flood.Flooded(1, BROADCAST, 5, 2, SAMPLE, 0),
             "frame 5 of node 1 for all: `01 17`; two further nodes may pass it on",
         ),
         msgspec.structs.replace(
@@ -152,13 +155,13 @@ def vectors() -> list[Vector]:
         ),
         _bonded(
             "bonded",
-            bond.Bonded(BOND, 7, SAMPLE, wants_answer=True),
+            bond.Bonded(BOND, 7, SAMPLE, wants_answer=True, age=0),
             "bond 31, number 7, answer wanted: a frame `01 17`",
         ),
         _bonded(
             "bonded_again",
-            bond.Bonded(BOND, 7, SAMPLE),
-            "the same by another link, without an answer",
+            bond.Bonded(BOND, 7, SAMPLE, age=21),
+            "the same by another link, without an answer, 2.1 s later",
         ),
         _bonded("question", bond.Bonded(BOND, 8, b"", wants_answer=True), "who hears this?"),
         msgspec.structs.replace(
@@ -186,19 +189,26 @@ def _refused() -> list[Vector]:
     found = []
     for name, link, octets, meaning in (
         ("relayed_cut_off", "route", "bf01", "the number is missing"),
-        ("relayed_empty", "route", "bf013f", "no frame is inside"),
+        ("relayed_without_age", "route", "bf013f", "the age is missing"),
+        ("relayed_empty", "route", "bf013f05", "no frame is inside"),
         ("probe_beyond_its_run", "route", "bf200720", "a run has 32 probes"),
         ("hop_acknowledgement_of_nothing", "route", "bf00", "no frame is acknowledged"),
         ("hop_acknowledgement_cut_off", "route", "bf00013f82", "the last number is missing"),
         ("hop_acknowledgement_of_no_route", "route", "bf00003f", "there is no route 0"),
         ("hop_acknowledgement_reserved", "route", "bf00413f", "a bit is set that has no meaning"),
-        ("flooded_of_nobody", "flood", "bf8000ff050117", "its origin is 0"),
-        ("flooded_of_all", "flood", "bf80ff02050117", "its origin is 255"),
-        ("flooded_to_its_origin", "flood", "bf800101050117", "origin and destination are the same"),
-        ("flooded_empty", "flood", "bf8001ff05", "no frame is inside"),
+        ("flooded_of_nobody", "flood", "bf8000ff05000117", "its origin is 0"),
+        ("flooded_of_all", "flood", "bf80ff0205000117", "its origin is 255"),
+        (
+            "flooded_to_its_origin",
+            "flood",
+            "bf80010105000117",
+            "origin and destination are the same",
+        ),
+        ("flooded_empty", "flood", "bf8001ff0500", "no frame is inside"),
         ("bonded_cut_off", "bond", "bf1f", "the number is missing"),
         ("bonded_of_nothing", "bond", "bf1f07", "neither a frame nor a question"),
-        ("bonded_reserved", "bond", "bf9f070117", "a bit is set that has no meaning"),
+        ("bonded_empty", "bond", "bf5f0700", "no frame is behind the age"),
+        ("bonded_reserved", "bond", "bf9f07000117", "a bit is set that has no meaning"),
     ):
         if readers[link](bytes.fromhex(octets)):
             raise SystemExit(f"{name}: is read")

@@ -37,7 +37,7 @@ from zacoustic.core.streams.keydelivery import KEYS_STREAM_ID, encode_delivery
 from zacoustic.core.streams.routing import ROUTING_STREAM_ID
 from zacoustic.core.streams.status import STATUS_STREAM_ID
 from zacoustic.core.transport.objects.code.code import Fragments
-from zacoustic.core.transport.objects.manifest import encode_object
+from zacoustic.core.transport.objects.manifest import encode_object, with_age
 from zacoustic.core.wire import carry
 from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.wire.agreement import (
@@ -231,6 +231,13 @@ def _objects() -> Iterator[Vector]:
     ):
         record = Fragment(5, call, index, whole.fragment(index)).encode()
         yield _vector(name, _to_server(record), f"FRAGMENT: {meaning}")
+    _, old = encode_object(
+        12, (2,), None, bytes(range(100)), lineage=0x1234, number=8, has_age=True
+    )
+    first = with_age(Fragments(old, 60).fragment(0), 42)
+    record = Fragment(6, ListenHint.NONE, 0, first).encode()
+    meaning = "of object 6: as it begins, the object is 4.2 s old"
+    yield _vector("fragment_aged", _to_server(record), f"FRAGMENT: {meaning}")
     for name, about, meaning in (
         ("fragment_withdrawn", WITHDRAWN, "object 5 is withdrawn"),
         ("fragment_turn", manifest.digest[:4], "no sample before object 5 will come"),
@@ -348,6 +355,18 @@ def _topics() -> Iterator[Vector]:
         2, lambda engine, now: engine.publish(12, b"old", now, queued_at=now - 4_200_000_000)
     )
     yield _vector("sample_aged", aged, "sample of stream 12 that waited 4.2 s")
+    for name, ago_s, waited in (
+        ("sample_six_hours_old", 21_600, "six hours, as near as its code says"),
+        ("sample_too_old", 31 * 86_400, "more than 30 days"),
+    ):
+        made_at = pair.network.now - ago_s * NS_PER_S
+        made = pair.frame(
+            2,
+            lambda engine, now: engine.publish(12, b"old", now, queued_at=made_at),  # noqa: B023
+        )
+        yield _vector(name, made, f"sample of stream 12 that waited {waited}")
+    unknown = pair.frame(2, lambda engine, now: engine.publish(12, b"old", now, is_dated=False))
+    yield _vector("sample_of_unknown_age", unknown, "sample of stream 12 of unknown age")
     wild = pair.frame(2, lambda engine, now: engine.publish(13, b"\x01", now, instance=(2,)))
     yield _vector("sample_wildcard", wild, "fleet/auv1/sonar = 01")
     gone = pair.frame(

@@ -139,7 +139,7 @@ def _said(payload: Payload, name: str | None, codec: str, way: Way) -> Fields:
 def _age(age_s: float | None) -> Fields:
     if age_s is None:
         return {}
-    shown = age_s if math.isfinite(age_s) else None
+    shown = None if math.isnan(age_s) else min(age_s, 30 * 86_400.0)
     return {"age_code": record.write_age(age_s), "age_s": shown}
 
 

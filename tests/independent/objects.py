@@ -106,6 +106,7 @@ class Manifest:
     length: int
     digest: bytes
     size: int
+    aged: bool = False
 
     @property
     def whole(self) -> int:
@@ -117,12 +118,25 @@ def read_manifest(data: bytes) -> Manifest:
     """Read the manifest at the beginning of an object."""
     cursor = Cursor(data)
     stream, flags = cursor.take(2)
+    aged = bool(flags & 0x40)
+    if aged:
+        cursor.take(1)
     lineage, number = cursor.number(2), cursor.number(3)
-    instance = cursor.take(flags & 0x7F)
+    instance = cursor.take(flags & 0x3F)
     encoding = encodings.read(cursor) if flags & 0x80 else None
     length = _read_length(cursor)
     digest = cursor.take(8)
-    return Manifest(stream, lineage, number, instance, encoding, length, digest, cursor.position)
+    return Manifest(
+        stream, lineage, number, instance, encoding, length, digest, cursor.position, aged
+    )
+
+
+def age_of(fragment: Fragment) -> int | None:
+    """Return the code of the age in the first fragment of an object."""
+    data = fragment.data
+    if fragment.index or len(data) < 3 or not data[1] & 0x40:
+        return None
+    return data[2]
 
 
 def make_object(
@@ -132,10 +146,17 @@ def make_object(
     instance: bytes,
     encoding: str | None,
     payload: bytes,
+    *,
+    aged: bool = False,
 ) -> bytes:
-    """Return the bytes of an object."""
-    flags = len(instance) | 0x80 * (encoding is not None)
-    front = bytes((stream, flags)) + lineage.to_bytes(2, "big") + number.to_bytes(3, "big")
+    """Return the bytes of an object, its age unknown."""
+    flags = len(instance) | 0x80 * (encoding is not None) | 0x40 * aged
+    front = (
+        bytes((stream, flags))
+        + b"\xff" * aged
+        + lineage.to_bytes(2, "big")
+        + number.to_bytes(3, "big")
+    )
     front += instance
     if encoding is not None:
         front += encodings.write(encoding)
@@ -271,7 +292,10 @@ class Assembly:
     def take(self, fragment: Fragment) -> None:
         if fragment.index == NO_FRAGMENT or len(fragment.data) != self.size:
             raise ReadError("no fragment of this object")
-        self._held[fragment.index] = fragment.data
+        data = fragment.data
+        if age_of(fragment) is not None:  # it counts as unknown
+            data = data[:2] + b"\xff" + data[3:]
+        self._held[fragment.index] = data
 
     def whole(self, sources: int) -> bytes:
         """Return the object, or refuse if fragments are missing."""

@@ -250,19 +250,23 @@ def _goal(cursor: Cursor, way: Way, action: Action) -> Goal:
 
 
 def read_age(cursor: Cursor) -> float:
-    """Take an age, s; infinite: more than an hour."""
+    """Take an age, s; infinite: more than thirty days; not a number: unknown."""
     code = cursor.number(1)
     if code <= 100:
         return code / 10
     if code == 255:
+        return float("nan")
+    if code == 254:
         return float("inf")
-    return round(float(10 * 360 ** ((code - 100) / 154)), 3)
+    return round(float(10 * 259_200 ** ((code - 100) / 153)), 3)
 
 
 def write_age(age_s: float) -> int:
     """Return the code of an age: the nearest one."""
+    if math.isnan(age_s):
+        return 255
     if age_s <= 10:
         return max(0, round(age_s * 10))
-    if age_s > 3600:
-        return 255
-    return 100 + round(154 * math.log(age_s / 10, 360))
+    if age_s > 30 * 86_400:
+        return 254
+    return 100 + round(153 * math.log(age_s / 10, 259_200))

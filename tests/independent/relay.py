@@ -18,6 +18,7 @@ class Relayed:
 
     route: int
     number: int
+    age: int
     frame: bytes
     back: bool = False
     more: bool = False
@@ -25,7 +26,7 @@ class Relayed:
 
     def write(self) -> bytes:
         flags = _BACK * self.back | _MORE * self.more | _URGENT * self.urgent
-        return bytes((RELAY, flags | self.route, self.number)) + self.frame
+        return bytes((RELAY, flags | self.route, self.number, self.age)) + self.frame
 
 
 @dataclass(frozen=True)
@@ -57,11 +58,12 @@ class Flooded:
     destination: int
     number: int
     left: int
+    age: int
     frame: bytes
 
     def write(self) -> bytes:
-        head = (RELAY, _BACK | self.left << 5, self.origin, self.destination, self.number)
-        return bytes(head) + self.frame
+        head = (RELAY, _BACK | self.left << 5, self.origin, self.destination)
+        return bytes((*head, self.number, self.age)) + self.frame
 
 
 @dataclass(frozen=True)
@@ -83,9 +85,11 @@ class Bonded:
     number: int
     frame: bytes = b""
     answered: bool = False
+    age: int | None = None
 
     def write(self) -> bytes:
-        return bytes((RELAY, _MORE * self.answered | self.bond, self.number)) + self.frame
+        age = b"" if self.age is None else bytes((self.age,))
+        return bytes((RELAY, _MORE * self.answered | self.bond, self.number)) + age + self.frame
 
 
 @dataclass(frozen=True)
@@ -103,12 +107,14 @@ def read_bonded(records: bytes) -> Bonded:
     """Read a whole frame of a bond."""
     cursor = Cursor(records)
     relay, first, number = cursor.take(3)
-    frame, answered = cursor.rest(), bool(first & _MORE)
+    answered = bool(first & _MORE)
+    age = cursor.number(1) if cursor.left else None
+    frame = cursor.rest()
     if relay != RELAY or first & ~(_MORE | _ROUTE) or not first & _ROUTE:
         raise ReadError("no frame of a bond")
-    if not frame and not answered:
+    if not frame and (age is not None or not answered):
         raise ReadError("neither frame nor question")
-    return Bonded(first & _ROUTE, number, frame, answered)
+    return Bonded(first & _ROUTE, number, frame, answered, age)
 
 
 def read_answer(body: bytes) -> Answer:
@@ -127,16 +133,16 @@ def read(records: bytes) -> Relayed | HopAcknowledgement | Flooded | Probe:
     route = first & _ROUTE
     more = bool(first & _MORE)
     if route:
-        number = cursor.number(1)
+        number, age = cursor.take(2)
         back, urgent = bool(first & _BACK), bool(first & _URGENT)
         if not cursor.left:
             raise ReadError("no frame inside")
-        return Relayed(route, number, cursor.rest(), back, more, urgent)
+        return Relayed(route, number, age, cursor.rest(), back, more, urgent)
     if first & _BACK:
-        origin, destination, number = cursor.take(3)
+        origin, destination, number, age = cursor.take(4)
         if origin in (0, 255) or destination in (0, origin) or not cursor.left:
             raise ReadError("of nobody, for nobody, or empty")
-        return Flooded(origin, destination, number, first >> 5 & 3, cursor.rest())
+        return Flooded(origin, destination, number, first >> 5 & 3, age, cursor.rest())
     if first == _URGENT:
         run, number = cursor.take(2)
         cursor.end()

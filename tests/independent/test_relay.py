@@ -36,8 +36,8 @@ def _fields(item: Any) -> dict[str, Any]:
     match item:
         case relay.Relayed():
             way = {"route": item.route, "back": item.back, "number": item.number}
-            more = {"more": item.more, "urgent": item.urgent, "frame": item.frame.hex()}
-            return {"relayed": "frame", **way, **more}
+            more = {"more": item.more, "urgent": item.urgent, "age_code": item.age}
+            return {"relayed": "frame", **way, **more, "frame": item.frame.hex()}
         case relay.HopAcknowledgement(marks, more):
             frames = [{"route": one.route, "back": one.back, "number": one.number} for one in marks]
             return {"relayed": "hop acknowledgement", "frames": frames, "more": more}
@@ -45,10 +45,11 @@ def _fields(item: Any) -> dict[str, Any]:
             return {"relayed": "probe", "run": run, "number": number}
         case relay.Flooded():
             front = {"relayed": "flooded", "left": item.left, "origin": item.origin}
-            more = {"number": item.number, "frame": item.frame.hex()}
+            more = {"number": item.number, "age_code": item.age, "frame": item.frame.hex()}
             return {**front, "destination": item.destination, **more}
-        case relay.Bonded(bond, number, inside, answered):
+        case relay.Bonded(bond, number, inside, answered, age):
             front = {"relayed": "bonded" if inside else "question", "bond": bond}
+            front |= {} if age is None else {"age_code": age}
             return {**front, "number": number, "answered": answered, "frame": inside.hex()}
         case relay.Answer(arrived):
             answers = [{"link": link, "number": number} for link, number in arrived]

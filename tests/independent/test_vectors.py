@@ -3,6 +3,7 @@
 import hashlib
 import hmac
 import json
+import math
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -106,6 +107,8 @@ EXPECTED: dict[str, tuple[Way, list[Any]]] = {
     "sample_typed": (ALL, [NAV]),
     "sample_opaque": (ALL, [Sample(11, (), b"hello")]),
     "sample_aged": (ALL, [Sample(12, (), b"old", age_s=4.2)]),
+    "sample_six_hours_old": (ALL, [Sample(12, (), b"old", age_s=21184.788)]),
+    "sample_too_old": (ALL, [Sample(12, (), b"old", age_s=float("inf"))]),
     "sample_wildcard": (ALL, [Sample(13, ("sonar",), b"\x01")]),
     "delete": (ALL, [Sample(13, ("ctd",), None)]),
     "sample_encoding": (ALL, [Sample(11, (), b"hi", "text/plain")]),
@@ -253,6 +256,8 @@ APART = {
     "fragment_first",
     "fragment_last",
     "fragment_repair",
+    "fragment_aged",
+    "sample_of_unknown_age",
     "unaddressed",
     "unchecked",
     "byte_stream",
@@ -463,6 +468,28 @@ def test_fragments() -> None:
     assert (manifest.stream, manifest.lineage, manifest.number) == (12, 0x1234, 7)
     assert (manifest.instance, manifest.encoding) == (b"\x02", "image/png")
     assert (manifest.length, manifest.digest) == (100, OBJECT_DIGEST)
+
+
+def test_an_object_says_its_age_in_its_first_fragment() -> None:
+    first = _fragment("fragment_aged")
+    manifest = objects.read_manifest(first.data)
+    assert manifest.aged
+    assert (manifest.stream, manifest.number, manifest.length) == (12, 8, 100)
+    code = objects.age_of(first)
+    assert code == 42
+    assembly = objects.Assembly(len(first.data))
+    assembly.take(first)
+    whole = objects.make_object(12, 0x1234, 8, b"\x02", None, PICTURE, aged=True)
+    assembly.take(objects.Fragment(6, 0, 1, objects.cut(whole, len(first.data))[1]))
+    assert objects.payload_of(assembly.whole(2)) == (manifest, PICTURE)
+
+
+def test_an_unknown_age() -> None:
+    (item,) = frame.read(NATIVE["sample_of_unknown_age"], ALL).items
+    assert isinstance(item, Sample)
+    assert item.age_s is not None
+    assert math.isnan(item.age_s)
+    assert item.payload == b"old"
 
 
 @pytest.mark.parametrize("lost", [0, 1, 2])

@@ -33,8 +33,9 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
                 `composer` and `filling` to `port` (`bulkwindow`, `othertrains`) to `transmitter`;
                 `access`, `airtime`, `silence` and `hosttime` decide when a frame goes; `timing`,
-                `pacers` and `copies` how often;
-                `replybudget` limits what another node causes;
+                `pacers` and `copies` how often; `ways` tell how far a node is, `hopage` how long
+                a frame was on its way by other links; `replybudget` limits what another node
+                causes;
                 `linkseal` closes a frame; `hearing` is what frames say about the medium; `sources`
                 and `savings` are what a frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
@@ -54,8 +55,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 `values`        typed values to bytes and back: `types`, `payload`, `dense`, `rmw_desert`,
                 `encoding`, `age`
 `base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `linkids`,
-                `parts` of frames, `qos`, `journal`, `signals`, `sizes`, `stats`, `trace`;
-                `allowance` is what a silent node may cost
+                `moments` that outlast a restart, `parts` of frames, `qos`, `journal`, `signals`,
+                `sizes`, `stats`, `trace`; `allowance` is what a silent node may cost
 ==============  ====================================================================================
 
 `clock` and `linktypes` are importable from here as well, for links.

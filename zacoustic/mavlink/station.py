@@ -155,9 +155,12 @@ class StationSide:
             age_s: Its age, s; None: not known.
             now: The instant.
         """
-        sampled_at = now - round(min(age_s or 0.0, 1e9) * 1e9)
+        if age_s is None:
+            self._say("old", "a sample of unknown age: not shown", is_trouble=True)
+            return
+        sampled_at = now - seconds_to_ns(age_s)
         if now - sampled_at >= self._lost_after_ns:
-            self._say("old", f"a sample is {age_s or 0:.0f} s old: not shown", is_trouble=True)
+            self._say("old", f"a sample is {age_s:.0f} s old: not shown", is_trouble=True)
             return
         if CLOCK in value:
             self._time.take(value[CLOCK], sampled_at)

@@ -81,7 +81,7 @@ class RosMessage:
 
         Returns:
             The values, not validated yet, and `header.stamp`, ns since 1970, if it is to become an
-            age and is not zero.
+            age.
 
         Raises:
             PayloadInvalidError: It is not such a message, or violates an overlay.
@@ -94,7 +94,7 @@ class RosMessage:
         stamp_ns = None
         if self.stamp is HeaderStamp.AGE:
             stamp = message.header.stamp
-            stamp_ns = stamp.sec * _NS_PER_S + stamp.nanosec or None
+            stamp_ns = stamp.sec * _NS_PER_S + stamp.nanosec
         return self._read(message), stamp_ns
 
     def write(self, value: Any, stamp_ns: int | None = None) -> bytes:  # noqa: ANN401 (a dict)

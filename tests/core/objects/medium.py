@@ -10,6 +10,7 @@ import msgspec
 
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort, JournalWrite
+from zacoustic.core.base.moments import Moments
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.timers import Timers
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
@@ -88,6 +89,7 @@ class Node:
             owner=self,
             emit=self.tell,
             journal=self.journal,
+            moments=Moments(stored),
         )
         self.objects.restore(stored, lambda order: "", lambda order, why, now: None)
         self.use_link(medium.capabilities)

@@ -305,6 +305,9 @@ class ReceivedFrame(msgspec.Struct, frozen=True, kw_only=True):
     """The modem's measurements."""
     service: Service = Service.PLAIN
     """The service that carried it."""
+    travel: tuple[int, int | None] | None = None
+    """How long it was on its way, from its first bit at its source, and the largest error of that,
+    ns, where other links have carried it; None: as its size and the link say."""
 
 
 class Transmission(msgspec.Struct, frozen=True, kw_only=True):

@@ -48,6 +48,7 @@ from zacoustic.core.peers.handshake import unit_ns
 from zacoustic.core.peers.peers import PerPeer
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.hopage import UNBOUNDED, hop_age, travelled
 from zacoustic.core.wire.bond import (
     ANSWER_CODE,
     MOST_ANSWERS,
@@ -116,6 +117,8 @@ class _Awaited(msgspec.Struct):
     """When they should have, by the link; only once it has left, ns."""
     given: dict[str, None]
     """The links by which it went."""
+    made_at: int
+    """Instant at which it was made, ns."""
 
 
 class _Seen(msgspec.Struct):
@@ -316,7 +319,7 @@ class Bonding:
         awaited = None
         if wanted:
             given = dict.fromkeys(by_link)
-            awaited = _Awaited(frame, entries, is_urgent, expires_at, wanted, {}, given)
+            awaited = _Awaited(frame, entries, is_urgent, expires_at, wanted, {}, given, now)
             self._awaited[seq] = awaited
         for link in by_link:
             self._give(
@@ -358,7 +361,12 @@ class Bonding:
             self._heard_by(link, source, bonded.seq, now, wants_answer=bonded.wants_answer)
         if not is_known and self._deliver is not None:
             self._came_by[source] = link
-            inside = msgspec.structs.replace(frame, frame_bytes=bonded.content, source=source)
+            inside = msgspec.structs.replace(
+                frame,
+                frame_bytes=bonded.content,
+                source=source,
+                travel=travelled(frame, bonded.age) or UNBOUNDED,
+            )
             self._deliver(inside, now, partial(self._opened, source, bonded.seq, seen))
         self._rearm(now)
         return "relay_again" if is_known else None
@@ -413,10 +421,16 @@ class Bonding:
         *,
         is_urgent: bool,
         is_granted: bool = False,
+        made_at: int | None = None,
     ) -> None:
-        """Let a frame go by one link."""
+        """Let a frame go by one link; it was made just now unless `made_at` says when."""
         wants_answer = awaited is not None and link in awaited.by_link
-        content = Bonded(self.bond.number, seq, frame.frame_bytes, wants_answer).encode()
+        bonded = Bonded(self.bond.number, seq, frame.frame_bytes, wants_answer)
+        since = now if made_at is None else made_at
+
+        def make(room_bytes: int, now: int) -> bytes:
+            return msgspec.structs.replace(bonded, age=hop_age(since, now)).encode()
+
         for peer in self._hearers_of(frame):
             self._change(link, peer, now, PeerReach.transmitted)
 
@@ -432,7 +446,7 @@ class Bonding:
 
         waiting = Waiting(
             frame.destination,
-            lambda room_bytes, now: content,
+            make,
             now,
             is_urgent=is_urgent,
             ended=ended,
@@ -562,6 +576,7 @@ class Bonding:
                     None,
                     None,
                     is_urgent=awaited.is_urgent,
+                    made_at=awaited.made_at,
                 )
 
     def _to_try(self, now: int) -> list[str]:

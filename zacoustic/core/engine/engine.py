@@ -138,6 +138,7 @@ class Engine:
         self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
         self._seal = node.seal
         self._journal, self._timers = journal, timers = node.journal, node.timers
+        self._moments = node.moments
         self.measurements = node.measurements
         """Measurements of peers and modems; read-only."""
         self.doubt = node.doubt
@@ -255,6 +256,8 @@ class Engine:
         self._now = now
         self._begin(now)
         error_ns = self.clock.tell(offset_ns, error_ns, now)
+        if error_ns is not None:
+            self._moments.tell(offset_ns)
         self.silence.handle_clock(now)
         for stack in self._stacks.values():
             stack.transmitter.handle_clock(offset_ns, error_ns, now)
@@ -327,6 +330,7 @@ class Engine:
         encoding: str | None = None,
         delete: bool = False,
         queued_at: int | None = None,
+        is_dated: bool = True,
     ) -> int:
         """Queue a sample of a topic.
 
@@ -338,6 +342,8 @@ class Engine:
             encoding: The Zenoh encoding, where it is not the stream's.
             delete: Delete the key instead.
             queued_at: Instant at which the sample was made, ns, if that was before `now`.
+            is_dated: Whether it is known when the sample was made; otherwise its age crosses as
+                unknown, on a stream with ages.
 
         Returns:
             For a reliable topic the delivery id that `DeliveryEnded` will name, else 0.
@@ -350,7 +356,7 @@ class Engine:
         """
         self._now = now
         stack = self._stack_of(stream_id)
-        publication = Publication(stream_id, value, instance, encoding, delete, queued_at)
+        publication = Publication(stream_id, value, instance, encoding, delete, queued_at, is_dated)
         delivery_id = stack.protocols.publish(publication, now)
         return stack.ids.outer(delivery_id)
 

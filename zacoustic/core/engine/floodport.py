@@ -17,7 +17,7 @@ from zacoustic.core.profiles.rules import LinkRules
 from zacoustic.core.relay.flood import FLOOD_NAME, Flood
 from zacoustic.core.relay.flooding import Flooding
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.wire.flood import FLOOD_PORT, Flooded
+from zacoustic.core.wire.flood import FLOOD_PORT
 
 
 class FloodPort:
@@ -95,12 +95,6 @@ class FloodPort:
 
     # Below the methods above
 
-    def _deliver(self, flooded: Flooded, now: int) -> None:
+    def _deliver(self, frame: ReceivedFrame, now: int) -> None:
         assert self._stack is not None
-        frame = ReceivedFrame(
-            frame_bytes=flooded.content,
-            received_at=now,
-            source=flooded.origin,
-            destination=flooded.destination,
-        )
         self._stack.handle_frame(frame, now)

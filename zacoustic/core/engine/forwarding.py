@@ -76,7 +76,7 @@ class Forwarding:
     def handle(self, opened: Opened, frame: ReceivedFrame, now: int) -> str | None:
         """Take such a frame; return why it is dropped, or None."""
         if is_flooded(opened.records) and self._flooding is not None:
-            return self._flooding.handle(opened.source, opened.records, now)
+            return self._flooding.handle(opened.source, opened.records, frame, now)
         probe = decode_probe(opened.records)
         if probe is not None and self._prober is not None:
             self._prober.handle(opened.source, probe)
@@ -90,7 +90,7 @@ class Forwarding:
             return None
         if self.relay is None:
             return "relay_route"
-        return self.relay.handle(opened.source, opened.records, now)
+        return self.relay.handle(opened.source, opened.records, frame, now)
 
     # A source of the composer
 

@@ -293,7 +293,7 @@ class LinkStack:
             self._hear(opened, frame, port, now)
         else:
             port.heard(opened.source, len(frame.frame_bytes), now, frame.service)
-        return self._forwarding.handle(opened, frame, now)
+        return self._forwarding.handle(opened, self._timed(opened, frame, port, now), now)
 
     def _take_from_hop(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
@@ -302,8 +302,15 @@ class LinkStack:
         self._hear(opened, frame, port, now)
         reason: str | None = "relay_route"
         if self._forwarding is not None and self._forwarding.takes(opened.records):
-            reason = self._forwarding.handle(opened, frame, now)
+            reason = self._forwarding.handle(opened, self._timed(opened, frame, port, now), now)
         self._drop(reason, frame, now)
+
+    def _timed(
+        self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
+    ) -> ReceivedFrame:
+        """Return a frame with how long it was on its way."""
+        travel = port.travel(opened.source, frame, len(opened.records), now)
+        return msgspec.structs.replace(frame, travel=travel)
 
     def _take_plain(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, reason: str | None, now: int
@@ -423,6 +430,8 @@ class LinkStack:
 
     def _hear(self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int) -> None:
         """Record that a node was heard."""
+        airtime_ns = port.airtime_ns(len(frame.frame_bytes), frame.service)
+        self._context.pacers.arrives(opened.source, frame.received_at, airtime_ns)
         if opened.source != UNKNOWN_SOURCE:
             self._context.node.contact.heard(opened.source, now)
             self._context.node.lost_contact.heard(opened.source, now)
@@ -446,4 +455,5 @@ class LinkStack:
             most_outstanding=LONGEST_TRAIN if self._context.is_route else MOST_OUTSTANDING,
             is_crowd=lambda: self._context.is_crowd,
             max_airtime=self._max_airtime,
+            answered=self._context.pacers.way,
         )

@@ -136,9 +136,6 @@ class RoutePorts:
 
     # Below the methods above
 
-    def _deliver(self, route: Route, source: int, frame_bytes: bytes, now: int) -> None:
+    def _deliver(self, route: Route, frame: ReceivedFrame, now: int) -> None:
         _, stack, _ = self._ends[route.name]
-        frame = ReceivedFrame(
-            frame_bytes=frame_bytes, received_at=now, source=source, destination=self._address
-        )
         stack.handle_frame(frame, now)

@@ -10,10 +10,12 @@ From a frame for another node only the items that concern everybody are read.
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.linktypes import BROADCAST, ReceivedFrame
 from zacoustic.core.base.signals import Signal
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.streams.table import Stream
+from zacoustic.core.values.age import Age, decode_age
 from zacoustic.core.wire.access import AccessControl
 from zacoustic.core.wire.controls import FIRST_EXTENSION, LAST_EXTENSION, Extension, Item
 from zacoustic.core.wire.frame import Record
@@ -31,6 +33,11 @@ class HearingPort(Protocol):
     def handle_call(self, source: int, call: ListenHint, frame: ReceivedFrame, now: int) -> None:
         """Learn from a fragment when its sender listens."""
 
+    def travel(
+        self, source: int, frame: ReceivedFrame, content_bytes: int, now: int
+    ) -> tuple[int, int | None]:
+        """Return how long a frame was on its way, and the largest error of that, ns."""
+
 
 class Heard:
     """A frame that is being read, with the statements about its sender.
@@ -41,11 +48,12 @@ class Heard:
         port: The port that received it.
         handshake: Knows the agreement with its sender.
         now: The instant.
+        content_bytes: Size of its records, bytes.
     """
 
     __slots__ = (
-        "_handshake", "epoch", "frame", "is_foreign", "is_strong", "now", "port", "source",
-        "streams", "tagged",
+        "_handshake", "content_bytes", "epoch", "frame", "is_foreign", "is_strong", "now", "port",
+        "source", "streams", "tagged",
     )  # fmt: skip
 
     def __init__(
@@ -55,8 +63,10 @@ class Heard:
         port: HearingPort,
         handshake: Handshake,
         now: int,
+        content_bytes: int = 0,
     ) -> None:
         self._handshake = handshake
+        self.content_bytes = content_bytes
         self.source = source
         self.frame = frame
         self.port = port
@@ -76,6 +86,17 @@ class Heard:
     def is_unicast(self) -> bool:
         """It is for this node alone."""
         return self.frame.destination != BROADCAST
+
+    def age(self, code: int) -> Age:
+        """Return the age, as the frame arrived here, of a sample with this code in it.
+
+        The code tells it as the frame began at its source.
+        """
+        travel_ns, error_ns = self.port.travel(
+            self.source, self.frame, self.content_bytes, self.now
+        )
+        error_s = None if error_ns is None else ns_to_seconds(error_ns)
+        return decode_age(code).later(ns_to_seconds(travel_ns), error_s)
 
     def refusal(self, stream_id: int) -> str | None:
         """Return why a record of a stream may not be decoded, one word, or None."""

@@ -27,9 +27,12 @@ class Custody:
         expires_at: Instant after which it is dropped, ns.
         ended: Called with the instant when it is over; None: it comes from another node.
         entries: What a frame of this node is to enter into the ledger.
+        made_at: Instant at which it was made, ns; None: unknown.
     """
 
-    __slots__ = ("ended", "entries", "expires_at", "queued_at", "relayed", "stage", "tries")
+    __slots__ = (
+        "ended", "entries", "expires_at", "made_at", "queued_at", "relayed", "stage", "tries",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -38,7 +41,9 @@ class Custody:
         expires_at: int,
         ended: Callable[[int], None] | None = None,
         entries: Entries | None = None,
+        made_at: int | None = None,
     ) -> None:
+        self.made_at = made_at
         self.relayed = relayed
         self.queued_at = queued_at
         self.expires_at = expires_at

@@ -33,13 +33,20 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
-from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, TransmitReport
+from zacoustic.core.base.linktypes import (
+    BROADCAST,
+    LinkCapabilities,
+    LinkMetrics,
+    ReceivedFrame,
+    TransmitReport,
+)
 from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
 from zacoustic.core.base.sizes import SIZES, Sizes
 from zacoustic.core.base.stats import NO_STREAM, Cause, Entries, LinkStats
 from zacoustic.core.relay.flood import SPREAD_FRAMES, Flood
 from zacoustic.core.schedule.airtime import AirtimeAccount
+from zacoustic.core.schedule.hopage import UNBOUNDED, hop_age, made_before, travelled
 from zacoustic.core.schedule.sources import Forwarded
 from zacoustic.core.wire.flood import HEADER_BYTES, Flooded, decode
 
@@ -58,7 +65,7 @@ _MOST_NEIGHBOURS: Final = 40
 _LIFETIMES: Final = 4
 _PATIENCE_NS: Final = PATIENCE_NS[Priority.INTERACTIVE_HIGH]
 
-Deliver = Callable[[Flooded, int], None]
+Deliver = Callable[[ReceivedFrame, int], None]
 """``(frame, now)``: takes a frame for this node."""
 
 
@@ -74,6 +81,8 @@ class _Waiting(msgspec.Struct):
     """Called at the end of the first transmission of an own frame; None: it was, or never is."""
     entries: Entries | None = None
     """What an own frame is to enter into the ledger."""
+    made_at: int | None = None
+    """Instant at which it was made, ns; None: unknown."""
     tries: int = 0
 
 
@@ -148,14 +157,15 @@ class Flooding:
         self._next_seq = (seq + 1) % self._numbers
         flooded = Flooded(self._address, destination, seq, self._flood.hops - 1, content)
         until = now + self._longest_ns
-        self._waiting.append(_Waiting(flooded, now, until, is_urgent, True, ended, entries))
+        self._waiting.append(_Waiting(flooded, now, until, is_urgent, True, ended, entries, now))
 
-    def handle(self, source: int, content: bytes, now: int) -> str | None:
+    def handle(self, source: int, content: bytes, frame: ReceivedFrame, now: int) -> str | None:
         """Take a frame of a neighbour; return why it is dropped, or None.
 
         Args:
             source: Address of the neighbour.
             content: Begins with the code of flooded frames.
+            frame: The frame, with its travel.
             now: The instant, ns.
         """
         flooded = decode(content)
@@ -171,9 +181,19 @@ class Flooding:
         if not self._lists(flooded.origin):
             return "flood_stranger"
         self._remember(flooded, now)
-        self._pass_on(flooded, now)
+        hops = max(1, self._flood.hops - flooded.left)
+        travel = travelled(frame, flooded.age, hops)
+        self._pass_on(flooded, made_before(frame, travel), now)
         if flooded.destination in (self._address, BROADCAST):
-            self._deliver(flooded, now)
+            inside = msgspec.structs.replace(
+                frame,
+                frame_bytes=flooded.content,
+                source=flooded.origin,
+                destination=flooded.destination,
+                metrics=LinkMetrics(),
+                travel=travel or UNBOUNDED,
+            )
+            self._deliver(inside, now)
         return None
 
     @property
@@ -217,7 +237,8 @@ class Flooding:
         if waiting is None:
             return None
         self._waiting.remove(waiting)
-        said = waiting.flooded.encode()
+        age = hop_age(waiting.made_at, now)
+        said = msgspec.structs.replace(waiting.flooded, age=age).encode()
         if len(said) > room_bytes or waiting.until < now:
             self._stats.drop("flood_full")
             self._end(waiting, now)
@@ -240,7 +261,7 @@ class Flooding:
         unit_s = 0.0 if self._hop is None else self._flood.unit_s(self._hop)
         return max(60 * NS_PER_S, 2 * seconds_to_ns(unit_s))
 
-    def _pass_on(self, flooded: Flooded, now: int) -> None:
+    def _pass_on(self, flooded: Flooded, made_at: int | None, now: int) -> None:
         """Transmit a frame of another node once, if it may go on."""
         left = min(flooded.left, self._flood.hops - 1)
         if not left or self._hop is None:
@@ -252,7 +273,8 @@ class Flooding:
         at = now + round(self._spread_ns(self._hop) * self._rng.random())
         further = msgspec.structs.replace(flooded, left=left - 1)
         # Its origin said nothing of its urgency, and whoever floods has a reason.
-        self._waiting.append(_Waiting(further, at, now + self._longest_ns, is_urgent=True))
+        until = now + self._longest_ns
+        self._waiting.append(_Waiting(further, at, until, is_urgent=True, made_at=made_at))
 
     def _spread_ns(self, hop: LinkCapabilities) -> int:
         """Return the longest pause before this node passes a frame on, ns."""

@@ -40,6 +40,8 @@ from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import (
     BROADCAST,
     LinkCapabilities,
+    LinkMetrics,
+    ReceivedFrame,
     TransmitReport,
 )
 from zacoustic.core.base.parts import FIRST_BUT_URGENT, Offer, Part
@@ -53,6 +55,7 @@ from zacoustic.core.relay.flow import Flow
 from zacoustic.core.relay.gate import Gate
 from zacoustic.core.relay.route import Route
 from zacoustic.core.schedule.airtime import AirtimeAccount
+from zacoustic.core.schedule.hopage import UNBOUNDED, hop_age, made_before, travelled
 from zacoustic.core.schedule.sources import Forwarded
 from zacoustic.core.wire.relay import (
     HEADER_BYTES,
@@ -72,7 +75,7 @@ MOST_IN_CUSTODY: Final = 256
 """The largest `RelayRules.queue`."""
 _PATIENCE_NS: Final = PATIENCE_NS[Priority.INTERACTIVE_HIGH]
 
-Deliver = Callable[[Route, int, bytes, int], None]
+Deliver = Callable[[Route, ReceivedFrame, int], None]
 """``(route, source, frame, now)``: takes a frame at the end of a route."""
 _Seen = tuple[Number, int]
 
@@ -251,7 +254,7 @@ class Relay:
         number = Number(used, is_back, self._take_seq(used, flow))
         expires_at = now + seconds_to_ns(route.longest_s)
         relayed = Relayed(number, content, is_urgent=is_urgent)
-        flow.frames[number.seq] = Custody(relayed, now, expires_at, ended, entries)
+        flow.frames[number.seq] = Custody(relayed, now, expires_at, ended, entries, now)
 
     def hops(self) -> list[Hop]:
         """Return how the hops from this node do, in the order of the routes."""
@@ -341,7 +344,8 @@ class Relay:
             self._give_up(flow, custody, now)
             return None
         flow.begin()
-        said = msgspec.structs.replace(custody.relayed, more=flow.is_in_train).encode()
+        age = hop_age(custody.made_at, now)
+        said = msgspec.structs.replace(custody.relayed, more=flow.is_in_train, age=age).encode()
         claimed_bytes = 0 if custody.entries is None else custody.entries.claim(self._stats)
         self._stats.attribute(NO_STREAM, Cause.RELAY, len(said) - claimed_bytes)
         if not custody.is_own:
@@ -353,12 +357,13 @@ class Relay:
 
     # What this node hears
 
-    def handle(self, source: int, content: bytes, now: int) -> str | None:
+    def handle(self, source: int, content: bytes, frame: ReceivedFrame, now: int) -> str | None:
         """Take the content of a frame of a neighbour; return why it is dropped, or None.
 
         Args:
             source: Address of the neighbour.
             content: Begins with the code of relayed frames.
+            frame: The frame, with its travel.
             now: The instant, ns.
         """
         decoded = decode(content)
@@ -380,7 +385,7 @@ class Relay:
                 )
             self._overheard(flow, decoded, now)
         # A frame from further back is sent on by the node between.
-        return self._take(flow, decoded, now) if steps == -1 else None
+        return self._take(flow, decoded, frame, now) if steps == -1 else None
 
     # Below the methods above
 
@@ -420,7 +425,7 @@ class Relay:
         flow.passed_on += 1
         self._end(flow, custody, now)
 
-    def _take(self, flow: Flow, relayed: Relayed, now: int) -> str | None:
+    def _take(self, flow: Flow, relayed: Relayed, frame: ReceivedFrame, now: int) -> str | None:
         """Take a frame of the node before; return why it is dropped, or None."""
         number = relayed.number
         self._gate(number).received(self._frame_ns, now, more=relayed.more)
@@ -435,13 +440,22 @@ class Relay:
         if is_end:
             self._acks[number] = None
             origin = route.path[-1 if number.is_back else 0]
-            self._deliver(route, origin, relayed.content, now)
+            inside = msgspec.structs.replace(
+                frame,
+                frame_bytes=relayed.content,
+                source=origin,
+                destination=self._address,
+                metrics=LinkMetrics(),
+                travel=travelled(frame, relayed.age, route.hops) or UNBOUNDED,
+            )
+            self._deliver(route, inside, now)
             return None
         if custody is not None:  # the number has come round, or its sender has restarted
             self._give_up(flow, custody, now)
         self._make_room(now)
         expires_at = now + seconds_to_ns(route.longest_s) // route.hops
-        flow.frames[number.seq] = Custody(relayed, now, expires_at)
+        made_at = made_before(frame, travelled(frame, relayed.age))
+        flow.frames[number.seq] = Custody(relayed, now, expires_at, made_at=made_at)
         return None
 
     def _take_seq(self, number: int, flow: Flow) -> int:

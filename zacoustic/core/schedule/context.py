@@ -14,6 +14,7 @@ from typing import Any
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import BOOT_KEY, LIFE_KEY, JournalPort, stored_apart
 from zacoustic.core.base.linkids import LinkIds
+from zacoustic.core.base.moments import Moments
 from zacoustic.core.base.sizes import SIZES, Sizes
 from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.base.timers import Timers
@@ -83,6 +84,8 @@ class NodeContext:
         """Random number generators, one for each component."""
         self.journal = JournalPort()
         """Holds what must survive a restart."""
+        self.moments = Moments(stored)
+        """Find instants again after a restart."""
         self.timers = Timers()
         """Call components back when an instant has come."""
         self.stats = EngineStats()
@@ -193,6 +196,8 @@ class Context:
         """Maps ids of this link to those that the application sees."""
         self.generators = node.generators.apart(link) if apart else node.generators
         """Random number generators, one for each component."""
+        self.moments = node.moments
+        """Find instants again after a restart."""
         self.journal = node.journal.apart(link) if apart else node.journal
         """Holds what must survive a restart."""
         self.timers = node.timers.apart(link) if apart else node.timers

@@ -15,7 +15,6 @@ from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.stats import Cause, EngineStats, count
 from zacoustic.core.schedule.queue import Waiting
 from zacoustic.core.schedule.sources import DenseSource
-from zacoustic.core.values.age import encode_age
 from zacoustic.core.values.dense import Encoded
 from zacoustic.core.wire.frame import DELIMITER_BYTES, LONGEST_DELIMITED_BYTES, Control
 
@@ -170,7 +169,7 @@ class Filling:
         record.append(item.code)
         record += item.head_at(self._now)
         if item.stamped:
-            record.append(encode_age(self._now - item.queued_at))
+            record.append(item.age_at(self._now))
         header_bytes = len(record)
         record += item.payload
         if not is_last and self._needs_end(item):

@@ -12,6 +12,7 @@ from typing import Final
 from zacoustic.core.base.signals import Signal
 from zacoustic.core.peers.peers import Peers, PerPeer
 from zacoustic.core.schedule.timing import LinkTimes, Pacer
+from zacoustic.core.schedule.ways import Ways
 
 _CROWD_ROUND_TRIPS: Final = 20
 """A node that was heard within this many round trips may be transmitting."""
@@ -43,6 +44,8 @@ class Pacers(PerPeer[Pacer]):
         """``(now)``: the ends of other nodes' bulk service can be reached for a moment."""
         self.may_have_restarted = Signal[int]()
         """A node gets a try that is silent for so long that it may have restarted."""
+        self._ways = PerPeer(peers, Ways)
+        self._arrival = (0, 0, 0)
         self._introduce = introduce
         self._heard_at = PerPeer(peers, int)
         self.anybody_heard_at = -1
@@ -75,6 +78,28 @@ class Pacers(PerPeer[Pacer]):
             self._repeating.rotate()
         for repeat in tuple(self._repeating):
             repeat(now)
+
+    def arrives(self, source: int, received_at: int, airtime_ns: int) -> None:
+        """Note the frame that is about to be read: its end, and its duration, ns."""
+        self._arrival = source, received_at, airtime_ns
+
+    def answers(self, source: int, asked_at: int, linger_ns: int) -> None:
+        """Learn how far a node is away from the frame that is being read: it answers at once.
+
+        Args:
+            source: The node.
+            asked_at: End of the transmission that it answers, ns.
+            linger_ns: How long it lets an answer linger, ns.
+        """
+        address, received_at, airtime_ns = self._arrival
+        if address == source:
+            round_trip_ns = received_at - airtime_ns - asked_at - linger_ns
+            self._ways[source].answered(round_trip_ns // 2, received_at)
+
+    def way(self, address: int, now: int) -> tuple[int, int] | None:
+        """Return the propagation delay to a node as its answers show it, and its error, ns."""
+        ways = self._ways.get(address)
+        return None if ways is None else ways.way(now)
 
     def heard(self, source: int, now: int) -> None:
         """Record a frame from a node; if repetitions to it had become rare, make them due."""
@@ -134,6 +159,7 @@ class Pacers(PerPeer[Pacer]):
     def begin_anew(self) -> None:
         """Forget how long nodes take to answer: frames go by another medium from now on."""
         self.clear()
+        self._ways.clear()
         self.changed()
 
     def link_up(self, now: int) -> None:

@@ -11,7 +11,7 @@ bytes from the same source, sooner than the source can have sent them again.
 The distance of the other nodes decides when a frame must start to arrive in a listen window: half
 of the longest distance is wrong by a second at 1500 m. A modem may measure the delay of each frame.
 Otherwise the last measurement of that node is used, with a growing error; without one, half of the
-longest delay.
+longest delay. The age of a sample uses what is likely, half of a round trip (`ways`) included.
 
 A link may have a second service, for much data to one node. Its device decides when the sound of
 such a frame begins, so none of the three applies to it: only how many frames the link takes
@@ -45,14 +45,13 @@ from zacoustic.core.schedule.access.fairshare import FairShare, fair_share
 from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.schedule.bulkwindow import BulkWindow
 from zacoustic.core.schedule.othertrains import OtherTrains
+from zacoustic.core.schedule.ways import WAY_DRIFT
 from zacoustic.core.wire.access import ANYBODY, AccessControl, Turn
 from zacoustic.core.wire.envelope import Damaged, Envelope, Opened
 from zacoustic.core.wire.objects import ListenHint
 
 # The possible error of a modem's own time stamps.
 _STAMP_ERROR_NS = NS_PER_S // 1000
-# A remembered distance becomes wrong as fast as two vehicles approach: 4 m/s in 1500 m/s.
-_WAY_DRIFT = 4 / 1500
 _NO_PAUSE = 255
 # Longest time from one train of a bulk service to the next, as far as a waiting frame trusts that
 # there is one.
@@ -79,6 +78,7 @@ class LinkPort:
         most_outstanding: The most transmissions of the plain service under way.
         is_crowd: Returns whether at least two other nodes are known on the link.
         max_airtime: The airtime cap of the node; None: none is set.
+        answered: Returns the delay to a node as its answers show it, and its error; None: unknown.
 
     Raises:
         ConfigError: That medium access cannot work on this link.
@@ -96,7 +96,9 @@ class LinkPort:
         most_outstanding: int = MOST_OUTSTANDING,
         is_crowd: Callable[[], bool] = lambda: False,
         max_airtime: float | None = None,
+        answered: Callable[[int, int], tuple[int, int] | None] = lambda address, now: None,
     ) -> None:
+        self._answered = answered
         self.capabilities = capabilities
         self.envelope = envelope or Envelope(capabilities, address)
         self.access: MediumAccess = choose(access, capabilities, address, rng, is_crowd)
@@ -449,6 +451,31 @@ class LinkPort:
         else:
             self.access.handle_control(source, control, started_at, error_ns, now)
 
+    def travel(
+        self, source: int, frame: ReceivedFrame, content_bytes: int, now: int
+    ) -> tuple[int, int | None]:
+        """Return how long a frame was on its way: from its first bit there to its last one here.
+
+        Args:
+            source: Its source.
+            frame: The frame.
+            content_bytes: Size of its records, bytes.
+            now: The instant.
+
+        Returns:
+            The duration, and its largest error, ns; None: nothing bounds that, since the device
+            decides when a frame begins.
+        """
+        if frame.travel is not None:
+            return frame.travel
+        size_bytes = len(frame.frame_bytes)
+        if not self.capabilities.framed:  # a piece of a byte stream may hold any part of frames
+            size_bytes = content_bytes + self.capabilities.mtu_bytes - self.envelope.room_bytes
+        way_ns, error_ns = self._likely_way(source, frame, now)
+        travel_ns = self.airtime_ns(size_bytes, frame.service) + way_ns
+        is_bounded = frame.service is Service.PLAIN and not self.capabilities.controls_access
+        return travel_ns, error_ns if is_bounded else None
+
     def _way(self, source: int, frame: ReceivedFrame, now: int) -> tuple[int, int]:
         """Return the propagation delay of a frame and its largest error, ns."""
         measured_s = frame.metrics.propagation_s
@@ -458,10 +485,32 @@ class LinkPort:
         guessed_ns = seconds_to_ns(self.capabilities.propagation_s) // 2
         known = self._measurements.range(source)
         if known is not None:
-            drifted_ns = int((now - known.measured_at) * _WAY_DRIFT)
+            drifted_ns = int((now - known.measured_at) * WAY_DRIFT)
             if drifted_ns < guessed_ns:
                 return seconds_to_ns(known.propagation_s), drifted_ns + _STAMP_ERROR_NS
         return guessed_ns, guessed_ns + _STAMP_ERROR_NS
+
+    def _likely_way(self, source: int, frame: ReceivedFrame, now: int) -> tuple[int, int]:
+        """Return the most likely propagation delay of a frame and its largest error, ns.
+
+        `_way` takes the middle between here and the farthest node as soon as that is surer; but a
+        node is mostly about where it was.
+        """
+        told = self.capabilities
+        longest_ns = seconds_to_ns(told.propagation_s)
+        known = self._measurements.range(source)
+        found: list[tuple[int, int]] = []
+        if known is not None and (told.measures_range or "propagation_s" in told.reports):
+            drifted_ns = int((now - known.measured_at) * WAY_DRIFT)
+            found.append((seconds_to_ns(known.propagation_s), drifted_ns))
+        answered = self._answered(source, now)
+        if answered is not None and not told.controls_access:
+            found.append(answered)
+        if frame.metrics.propagation_s is not None or not found:
+            return self._way(source, frame, now)
+        way_ns, error_ns = min(found, key=_error_of)
+        farthest_ns = max(way_ns, longest_ns - way_ns)
+        return way_ns, min(error_ns, farthest_ns) + _STAMP_ERROR_NS
 
     def refuse(self, opened: Opened | Damaged, frame: ReceivedFrame) -> str | None:
         """Return why a frame is not decoded, or None."""
@@ -480,3 +529,7 @@ class LinkPort:
         self._last_frame[source] = (frame.frame_bytes, frame.received_at)
         airtime_ns = self.airtime_ns(len(frame.frame_bytes), frame.service)
         return last_bytes == frame.frame_bytes and frame.received_at - last_at < airtime_ns
+
+
+def _error_of(way: tuple[int, int]) -> int:
+    return way[1]

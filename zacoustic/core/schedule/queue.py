@@ -31,9 +31,11 @@ from typing import Any, Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.moments import Made, instant_of
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import NO_OVERRIDE, PATIENCE_NS, Override, Priority, Qos
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.values.age import encode_age
 from zacoustic.errors import PayloadTooLargeError
 
 LaneKey = tuple[int, ...]
@@ -89,6 +91,7 @@ class Waiting:
         head: Bytes between stream id (and wildcards) and payload, without the age byte.
         payload: The encoded payload.
         stamped: Whether an age byte precedes the payload.
+        made_at: When its content was made; only if it is stamped.
         delimits_itself: Whether the payload shows where it ends.
         for_one_node: Whether other nodes would misunderstand it, so that it may not join a
             broadcast frame.
@@ -119,6 +122,7 @@ class Waiting:
         "head",
         "is_copy",
         "is_reply",
+        "made_at",
         "part",
         "payload",
         "prefix",
@@ -140,6 +144,7 @@ class Waiting:
         prefix: bytes = b"",
         head: bytes = b"",
         stamped: bool = False,
+        made_at: Made = None,
         delimits_itself: bool = False,
         for_one_node: bool = False,
         address: bytes = b"",
@@ -157,6 +162,7 @@ class Waiting:
         self.head = head
         self.payload = payload
         self.stamped = stamped
+        self.made_at = made_at
         self.delimits_itself = delimits_itself
         self.for_one_node = for_one_node
         self.queued_at = queued_at
@@ -183,6 +189,11 @@ class Waiting:
     def head_at(self, now: int) -> bytes:
         """Return the head for a frame that goes now."""
         return self.head
+
+    def age_at(self, now: int) -> int:
+        """Return the code of its age for a frame that goes now."""
+        made = instant_of(self.made_at, now)
+        return encode_age(None if made is None else now - made)
 
     @property
     def size_bytes(self) -> int:

@@ -169,17 +169,17 @@ class CommandState(msgspec.Struct, frozen=True, kw_only=True):
         return fields | {"priority": _priority_name(self.priority)}
 
     @classmethod
-    def from_wire(cls, response: dict[str, Any], age_s: float) -> Self:
+    def from_wire(cls, response: dict[str, Any], age_s: float | None) -> Self:
         """Return the state in a response.
 
         Args:
             response: The response.
-            age_s: Its age, s.
+            age_s: Its age, s; None: unknown, and so then is how long the silence lasts.
         """
         fields = response | {"priority": _priority(response["priority"])}
         state = cls(commanded=fields.pop("ordered"), **fields)
-        if state.left_s is None:
-            return state
+        if state.left_s is None or age_s is None:
+            return msgspec.structs.replace(state, left_s=None)
         if state.left_s > age_s:
             return msgspec.structs.replace(state, left_s=state.left_s - age_s)
         return msgspec.structs.replace(state, silent=False, commanded=False, left_s=None)

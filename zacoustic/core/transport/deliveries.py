@@ -1,10 +1,11 @@
 """The events of samples: arrived, journalled, ended."""
 
 import enum
-from typing import Any
+from typing import Any, Self
 
 import msgspec
 
+from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.linktypes import LinkMetrics
 from zacoustic.core.streams.keys import Instance
 
@@ -25,8 +26,10 @@ class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
     encoding: str
     """The Zenoh encoding that the publisher used."""
     age_s: float | None = None
-    """Age of the sample when its frame was composed, s; infinity: over an hour; None: the stream
+    """Age of the sample at `received_at`, s; 30 days: at least so old; None: unknown, or the stream
     has no stamp."""
+    age_error_s: float | None = None
+    """How wrong that may be, s; None: nothing bounds it."""
     received_at: int
     """Instant at which the frame had arrived, ns; for a sample from before a restart, the instant
     at which the link came up."""
@@ -35,6 +38,13 @@ class SampleReceived(msgspec.Struct, frozen=True, kw_only=True):
     again: bool = False
     """Whether it may have been delivered before: this node stopped, or its journal was restored
     from an old copy, just then."""
+
+    def aged(self, now: int) -> Self:
+        """Return the same with its age at `now`, ns, as if it had arrived then."""
+        age_s = self.age_s
+        if age_s is not None:
+            age_s = round(age_s + ns_to_seconds(max(0, now - self.received_at)), 3)
+        return msgspec.structs.replace(self, age_s=age_s, received_at=now)
 
 
 class DeliveryOutcome(enum.Enum):

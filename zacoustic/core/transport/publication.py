@@ -5,6 +5,7 @@ from typing import Any
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.moments import Made
 from zacoustic.core.base.qos import Stamp
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
@@ -27,6 +28,8 @@ class Publication(msgspec.Struct, frozen=True):
     """Delete the key instead."""
     queued_at: int | None = None
     """Instant at which the sample was made, ns, if that was before the call."""
+    is_dated: bool = True
+    """Whether it is known when the sample was made; otherwise its age crosses as unknown."""
 
     def made_at(self, now: int) -> int:
         """Return the instant at which the sample was made."""
@@ -54,7 +57,9 @@ class EncodedSample(msgspec.Struct, frozen=True, kw_only=True):
     encoding: str | None
     """Its encoding, where it is not the stream's."""
     made_at: int
-    """Instant at which it was made, ns."""
+    """Instant at which it was made, or else queued, ns."""
+    dated_at: Made
+    """When it was made, as far as known."""
     expires_at: int | None
     """Instant from which it is worthless, ns; None: never."""
 
@@ -88,5 +93,6 @@ def encode_sample(stream: Stream, publication: Publication, now: int) -> Encoded
         stamped=stream.qos.stamp is Stamp.AGE and not delete,
         encoding=encoding,
         made_at=publication.made_at(now),
+        dated_at=publication.made_at(now) if publication.is_dated else None,
         expires_at=publication.expires_at(stream, now),
     )

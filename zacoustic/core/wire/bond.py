@@ -2,8 +2,10 @@
 
 A frame of a bond begins like one of a route, and bonds and routes share their numbers::
 
-    BF  0a0rrrrr  seq 1  frame       frame number seq of bond r = 1…31; a: its receivers answer;
-                                     without a frame inside it only asks for that answer
+    BF  0a0rrrrr  seq 1  age 1  frame
+                                     frame number seq of bond r = 1…31; a: its receivers answer;
+                                     age: of the frame inside, as this one begins
+    BF  010rrrrr  seq 1              only asks for that answer
 
 The answer is an extension of a frame of the bond, so it is as authentic as that::
 
@@ -16,6 +18,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.values.age import UNKNOWN
 from zacoustic.core.wire.controls import LAST_EXTENSION, Extension
 from zacoustic.core.wire.relay import HEADER_BYTES, LAST_ROUTE, NUMBERS, RELAY_CODE
 
@@ -23,6 +26,7 @@ ANSWER_CODE: Final = LAST_EXTENSION
 """Code of the extension that answers."""
 MOST_ANSWERS: Final = 16
 """The most frames that one extension answers."""
+_QUESTION_BYTES: Final = 3
 _WANTS_ANSWER: Final = 0x40
 _NUMBER: Final = 0x1F
 
@@ -41,11 +45,14 @@ class Bonded(msgspec.Struct, frozen=True):
     """The frame, as the bond gives it to its streams; empty: it only asks."""
     wants_answer: bool = False
     """Whether its receivers answer."""
+    age: int = UNKNOWN
+    """Code of the time since its content was made."""
 
     def encode(self) -> bytes:
         """Return the content of a frame of one of the links."""
         first = self.number | _WANTS_ANSWER * self.wants_answer
-        return bytes((RELAY_CODE, first, self.seq)) + self.content
+        inside = bytes((self.age,)) + self.content if self.content else b""
+        return bytes((RELAY_CODE, first, self.seq)) + inside
 
 
 def bond_of(content: bytes) -> int:
@@ -55,16 +62,17 @@ def bond_of(content: bytes) -> int:
 
 def decode(content: bytes) -> Bonded | None:
     """Decode the content of a frame of a bond; None: it is cut off, or not of this wire."""
-    if len(content) < HEADER_BYTES or content[0] != RELAY_CODE:
+    if len(content) < _QUESTION_BYTES or content[0] != RELAY_CODE:
         return None
     number = content[1] & _NUMBER
     if not 1 <= number <= LAST_ROUTE or content[1] & ~(_WANTS_ANSWER | _NUMBER):
         return None
     wants_answer = bool(content[1] & _WANTS_ANSWER)
-    frame = content[HEADER_BYTES:]
-    if not frame and not wants_answer:
+    if len(content) == _QUESTION_BYTES:
+        return Bonded(number, content[2], b"", True) if wants_answer else None
+    if len(content) == HEADER_BYTES:
         return None
-    return Bonded(number, content[2], frame, wants_answer)
+    return Bonded(number, content[2], content[HEADER_BYTES:], wants_answer, content[3])
 
 
 def encode_answers(answers: Iterable[tuple[int, int]]) -> bytes:

@@ -15,7 +15,6 @@ from typing import Final
 from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import EVERY_NODE, Stream
-from zacoustic.core.values.age import decode_age_s
 from zacoustic.core.wire.calls import NAME_BYTES, NAMED, CallKind, decode_call_byte
 from zacoustic.core.wire.frame import Prefixes
 from zacoustic.core.wire.goals import measure_message
@@ -80,11 +79,11 @@ def server_bytes(stream: Stream, server: int) -> bytes:
     return bytes((server,)) if is_named else b""
 
 
-def split_age(stream: Stream, payload: bytes) -> tuple[float | None, bytes]:
-    """Split the age off a payload, s; None: the service has no stamp, or the payload is cut off."""
+def split_age(stream: Stream, payload: bytes) -> tuple[int | None, bytes]:
+    """Split the code of its age off a payload; None: there is no stamp, or it is cut off."""
     if stream.qos.stamp is not Stamp.AGE or not payload:
         return None, payload
-    return decode_age_s(payload[0]), payload[1:]
+    return payload[0], payload[1:]
 
 
 def _measure_call(stream: Stream, buffer: bytes, offset: int, *, answers: bool) -> int | None:

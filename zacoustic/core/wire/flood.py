@@ -2,9 +2,10 @@
 
 It begins like a relayed frame, with the number of no route::
 
-    BF  1tt00000  origin 1  destination 1  seq 1  frame
+    BF  1tt00000  origin 1  destination 1  seq 1  age 1  frame
 
-tt is how many further nodes may pass it on. It changes on the way, and nothing authenticates it.
+tt is how many further nodes may pass it on; age is that of the frame inside. Both change on the
+way, and nothing authenticates them.
 """
 
 from typing import Final
@@ -12,9 +13,10 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.values.age import UNKNOWN
 from zacoustic.core.wire.relay import FIRST_PORT, RELAY_CODE
 
-HEADER_BYTES: Final = 5
+HEADER_BYTES: Final = 6
 """Bytes before the frame."""
 MOST_HOPS: Final = 4
 """The most hops of a flooded frame."""
@@ -38,11 +40,14 @@ class Flooded(msgspec.Struct, frozen=True):
     """How many further nodes may pass it on, 0…3."""
     content: bytes
     """The frame, as the origin gives it to its streams."""
+    age: int = UNKNOWN
+    """Code of the time since its content was made."""
 
     def encode(self) -> bytes:
         """Return the content of the frame of one hop."""
         head = (RELAY_CODE, _FLOOD | self.left << _LEFT_SHIFT)
-        return bytes((*head, self.origin, self.destination, self.seq)) + self.content
+        fields = (*head, self.origin, self.destination, self.seq, self.age)
+        return bytes(fields) + self.content
 
 
 def is_flooded(content: bytes) -> bool:
@@ -54,8 +59,8 @@ def decode(content: bytes) -> Flooded | None:
     """Decode the content of a frame that `is_flooded`; None: it is cut off, or of nobody."""
     if len(content) <= HEADER_BYTES or not is_flooded(content):
         return None
-    _, first, origin, destination, seq = content[:HEADER_BYTES]
+    _, first, origin, destination, seq, age = content[:HEADER_BYTES]
     if origin in (0, BROADCAST) or destination in (0, origin):
         return None
     left = (first & _LEFT) >> _LEFT_SHIFT
-    return Flooded(origin, destination, seq, left, content[HEADER_BYTES:])
+    return Flooded(origin, destination, seq, left, content[HEADER_BYTES:], age)

@@ -2,9 +2,10 @@
 
 A frame that begins with `RELAY_CODE` has no records::
 
-    BF  dmurrrrr  seq 1  frame      the frame of route r = 1…31, one hop further; d: towards the
+    BF  dmurrrrr  seq 1  age 1  frame
+                                    the frame of route r = 1…31, one hop further; d: towards the
                                     first node of the path; m: another one follows at once; u: it is
-                                    urgent
+                                    urgent; age: of the frame inside, as this one begins
     BF  0m000000  (d00rrrrr seq 1)+ these frames have arrived where nobody will transmit them again
     BF  00100000  run 1  number 1   a probe: whoever hears it counts it
 
@@ -18,6 +19,7 @@ from typing import Final, TypeAlias
 import msgspec
 
 from zacoustic.core.base.sizes import SIZES
+from zacoustic.core.values.age import UNKNOWN
 from zacoustic.core.wire.seal import LAST_PORT
 
 RELAY_CODE: Final = 0xBF
@@ -26,7 +28,7 @@ LAST_ROUTE: Final = 31
 """Routes have the numbers from 1 to this one."""
 FIRST_PORT: Final = LAST_PORT + 1 - LAST_ROUTE
 """In sealed frames a route has the number of a link: this one for the first route."""
-HEADER_BYTES: Final = 3
+HEADER_BYTES: Final = 4
 """Bytes before the frame of the route."""
 NUMBERS: Final = SIZES.hops
 """The number of a frame is modulo this."""
@@ -69,12 +71,14 @@ class Relayed(msgspec.Struct, frozen=True):
     """Whether the sender transmits another frame of this route right after it."""
     is_urgent: bool = False
     """Whether it goes before all others."""
+    age: int = UNKNOWN
+    """Code of the time since its content was made."""
 
     def encode(self) -> bytes:
         """Return the content of the frame of one hop."""
         first, seq = self.number.encode()
         first |= _MORE * self.more | _URGENT * self.is_urgent
-        return bytes((RELAY_CODE, first, seq)) + self.content
+        return bytes((RELAY_CODE, first, seq, self.age)) + self.content
 
 
 class HopAcks(msgspec.Struct, frozen=True):
@@ -135,7 +139,7 @@ def decode(content: bytes) -> RelayContent | None:
         number = _number((first & ~(_MORE | _URGENT), seq))
         if number is None or not frame:
             return None
-        return Relayed(number, frame, bool(first & _MORE), bool(first & _URGENT))
+        return Relayed(number, frame, bool(first & _MORE), bool(first & _URGENT), content[3])
     entries = content[2:]
     if len(entries) % _ENTRY_BYTES:
         return None

@@ -86,8 +86,8 @@ SCHEMAS: Final[dict[str, dict[str, Any]]] = {
 
 
 def made_at(utc_ns: int, age_s: float | None) -> int:
-    """Return when a sample was made, ns since 1970; an age of over an hour is not known."""
-    return utc_ns if age_s is None or math.isinf(age_s) else utc_ns - seconds_to_ns(age_s)
+    """Return when a sample was made, ns since 1970: now, if its stream has no ages."""
+    return utc_ns if age_s is None else utc_ns - seconds_to_ns(age_s)
 
 
 Put = Callable[[Channel, int, bytes], object]

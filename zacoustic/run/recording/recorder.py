@@ -207,9 +207,9 @@ class _LifeRecorder:
             case "poll_event", _ if result is not None:
                 self._put_record(self._events, _event(result, self._key_of(result)))
                 if isinstance(result, SampleReceived) and not result.deleted:
-                    self._values.received(result, self._utc_ns)
+                    self._values.received(result.aged(self._now), self._utc_ns)
             case "publish", _ if not arguments.get("delete"):
-                self._values.published(arguments, self._utc_ns)
+                self._values.published(arguments, self._utc_ns, self._now)
 
     def _show_measured(self) -> None:
         """Show ranges and positions of peers that are new."""

@@ -29,7 +29,7 @@ class SampleRecord(msgspec.Struct, frozen=True, kw_only=True):
     source: int | None = None
     """For samples from the channel: address of the publisher."""
     age_s: float | None = None
-    """For samples from the channel: age when the frame was composed, s."""
+    """For samples from the channel: age when it was put, s; None: unknown, or no stamp."""
 
 
 def samples_channel() -> Channel:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
+from zacoustic.core.base.qos import Stamp
 from zacoustic.core.engine.events import SampleReceived
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -50,32 +51,43 @@ class ValueWriter:
         """Write a received sample."""
         stream = self._table.by_id(event.stream_id)
         key = key_of(stream, event.source, event.instance)
+        is_unknown = event.age_s is None and stream.qos.stamp is Stamp.AGE
         self._write(
             "received", stream, key, event.value, event.encoding, utc_ns,
-            node=event.source, made_ns=made_at(utc_ns, event.age_s),
+            node=event.source, made_ns=None if is_unknown else made_at(utc_ns, event.age_s),
         )  # fmt: skip
 
-    def published(self, arguments: Mapping[str, Any], utc_ns: int) -> None:
-        """Write a published sample; `arguments` are those of `Engine.publish`."""
+    def published(self, arguments: Mapping[str, Any], utc_ns: int, now: int) -> None:
+        """Write a published sample.
+
+        Args:
+            arguments: Those of `Engine.publish`.
+            utc_ns: The instant in UTC, ns since 1970.
+            now: The same instant by the engine's clock, ns.
+        """
         stream = self._table.by_id(arguments["stream_id"])
         key = key_of(stream, self._node, arguments.get("instance", ()))
         encoding = arguments.get("encoding") or stream.encoding
         value = arguments.get("value")
         if stream.type is not None:
             value = stream.type.validate(value)
+        queued_at = arguments.get("queued_at")
+        made_ns = utc_ns if queued_at is None else utc_ns - max(0, now - queued_at)
         self._write(
-            "published", stream, key, value, encoding, utc_ns, node=self._node, made_ns=utc_ns
-        )
+            "published", stream, key, value, encoding, utc_ns, node=self._node,
+            made_ns=made_ns if arguments.get("is_dated", True) else None,
+        )  # fmt: skip
 
     def _write(
         self, word: str, stream: Stream, key: str, value: object, encoding: str, utc_ns: int,
-        *, node: int, made_ns: int,
+        *, node: int, made_ns: int | None,
     ) -> None:  # fmt: skip
+        """Write a value; of unknown age it shows on no panel, and a ROS stamp stays zero."""
         topic = f"/{self._node}/{word}/{key}"
         ros = self._ros.get(stream.stream_id)
         if isinstance(ros, RosTopic):
             try:
-                data = ros.message.write(value)
+                data = ros.message.write(value, made_ns)
             except PayloadInvalidError:
                 return  # the gateway has reported the error
         else:
@@ -88,7 +100,7 @@ class ValueWriter:
             made = ros_channel(topic, stream, ros) if ros else value_channel(topic, stream)
             channel = self._channels[topic] = made
         self._sink.put(channel, utc_ns, data)
-        if ros is None:  # Foxglove knows those of ROS
+        if ros is None and made_ns is not None:  # Foxglove knows those of ROS
             self.panels.value(topic, value, utc_ns, made_ns=made_ns, node=node, spec=stream.type)
 
 

@@ -108,7 +108,9 @@ class Incoming(msgspec.Struct, frozen=True, kw_only=True):
     encoding: str
     """Encoding that the publisher used."""
     age_s: float | None
-    """Age when the frame was composed, s."""
+    """Age at `received_at`, s; None: unknown."""
+    age_error_s: float | None = None
+    """How wrong that may be, s; None: nothing bounds it."""
     received_at: int
     """Instant of arrival, ns."""
     metrics: LinkMetrics

@@ -4,12 +4,13 @@ A second local gateway receives the samples that the first one puts, and must no
 Nothing in a Zenoh sample names its publisher, so the gateway writes it into the *attachment*, a
 CBOR map::
 
-    {"acoustic": 2, "age_s": 1.3}
+    {"acoustic": 2, "age_s": 1.3, "age_error_s": 0.06}
     {"acoustic": 2, "call": "2/17/20/5"}
 
 `acoustic` is always present and first: the acoustic address of the node that published, called or
-answered. `age_s`, s, is present on streams with ``stamp: "age"``: the age of the sample when its
-frame was composed, in a reply to a `get` plus the time since then; infinity means over an hour.
+answered. `age_s`, s, is present on streams with ``stamp: "age"``: the age of the sample as it is
+put or given to a `get`; 30 days mean at least that, null means unknown. `age_error_s` says how
+wrong that may be; it is absent where nothing bounds it.
 `call` is present on calls: the call id. Samples with this mark stay on their network. An
 application's attachment does not cross the channel.
 """
@@ -32,15 +33,21 @@ class Marker(msgspec.Struct, frozen=True, kw_only=True):
     acoustic: int
     """Acoustic address of the source, 1…254; 0 if the wire does not have it (rmw_desert)."""
     age_s: float | None = None
-    """Age, s, ≥ 0; infinity: over an hour; None: unknown."""
+    """Age, s, ≥ 0; 30 days: at least so old; None: unknown."""
+    age_error_s: float | None = None
+    """How wrong that may be, s; None: nothing bounds it."""
+    is_stamped: bool = False
+    """Whether its stream has ages, so that an unknown one is stated."""
     call: str | None = None
     """Call id of a call: a text of `CallKey`."""
 
     def encode(self) -> bytes:
         """Return the attachment."""
-        content: dict[str, int | float | str] = {"acoustic": self.acoustic}
-        if self.age_s is not None:
+        content: dict[str, int | float | str | None] = {"acoustic": self.acoustic}
+        if self.age_s is not None or self.is_stamped:
             content["age_s"] = self.age_s
+        if self.age_error_s is not None:
+            content["age_error_s"] = round(self.age_error_s, 3)
         if self.call is not None:
             content["call"] = self.call
         return cbor2.dumps(content)

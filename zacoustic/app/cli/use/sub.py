@@ -85,11 +85,15 @@ def subscribe(node: "Node", key: str | None, take: "Callable[[Sample[Any]], None
 
 
 def _print(sample: "Sample[Any]", *, as_json: bool) -> None:
+    from zacoustic.core.values.age import age_words
     from zacoustic.zenoh.node.api.text import line_of, shown_value
 
     shown = {} if sample.deleted else shown_value(sample.content, sample.encoding)
     notes = [f"from {sample.source}"] if sample.source is not None else []
-    notes += [f"{sample.age_s:.1f} s old"] if sample.age_s is not None else []
+    age_s = sample.age_s
+    if age_s is not None:  # a latched one may have waited here
+        age_s = round(age_s + (time.monotonic_ns() - sample.received_at) / 1e9, 3)
+        notes += [age_words(age_s, sample.age_error_s)]
     note = f"  ({', '.join(notes)})" if notes else ""
     record = {
         "key": sample.key,
@@ -97,7 +101,8 @@ def _print(sample: "Sample[Any]", *, as_json: bool) -> None:
         "deleted": sample.deleted,
         "encoding": sample.encoding,
         "source": sample.source,
-        "age_s": None if sample.age_s == float("inf") else sample.age_s,
+        "age_s": age_s,
+        "age_error_s": sample.age_error_s,
         "unix_s": time.time(),
     }
     text = f"{sample.key}: {'deleted' if sample.deleted else line_of(shown)}{note}"

@@ -167,7 +167,7 @@ class Receiver:
         if received.destination != opened.destination:
             # The frame's own destination, which a link without addresses does not know.
             received = msgspec.structs.replace(received, destination=opened.destination)
-        return Heard(opened.source, received, port, self._handshake, now)
+        return Heard(opened.source, received, port, self._handshake, now, len(opened.records))
 
     def _items(self, opened: Opened, *, unicast: bool) -> Iterator[Item]:
         measure = partial(self._measure, opened.source)

@@ -35,7 +35,7 @@ from zacoustic.core.wire.calls import (
     encode_error,
     encode_name,
 )
-from zacoustic.core.wire.content import server_bytes, split_age
+from zacoustic.core.wire.content import server_bytes
 from zacoustic.errors import LocalError, PayloadInvalidError
 
 ANSWER_LANE: Final = 2
@@ -122,7 +122,14 @@ class Answering:
     # For the channel
 
     def receive_request(
-        self, key: CallKey, stream: Stream, payload: bytes, now: int, *, introduced: bool
+        self,
+        key: CallKey,
+        stream: Stream,
+        payload: bytes,
+        now: int,
+        *,
+        age_s: float | None,
+        introduced: bool,
     ) -> str | None:
         """Take a request; return why it is dropped, or None.
 
@@ -131,6 +138,7 @@ class Answering:
             stream: The service.
             payload: The encoded request.
             now: The instant.
+            age_s: Its age, s; None: unknown.
             introduced: Its frame began with HELLO or TAG, so the answer must be named.
         """
         served = self._calls.get(key)
@@ -139,7 +147,6 @@ class Answering:
             return "repeated_request"
         if _keeps(stream) and self._doubt.suspends(_timeout_s(stream), now):
             return "suspended"
-        age_s, payload = split_age(stream, payload)
         try:
             value = stream.codec.decode(payload)
         except PayloadError:
@@ -251,6 +258,7 @@ class Answering:
         if served is None or served.answer is not None or served.deadline_at <= now:
             return False
         served.answer = answer = Answer(kind, payload)
+        served.answered_at = now
         # The answer also confirms the request.
         self._queue.drop_lane(_confirm_lane(call))
         count(self._stats.published, call.stream_id)
@@ -277,6 +285,7 @@ class Answering:
             for_one_node=True,
             is_reply=True,
             queued_at=now,
+            made_at=served.answered_at,
         )
         key = (call.stream_id, ANSWER_LANE, call.client)
         qos = repeated_qos(stream.qos)

@@ -44,7 +44,7 @@ class RequestReceived(msgspec.Struct, frozen=True, kw_only=True):
     deadline_at: int
     """Instant after which an answer is worthless, ns."""
     age_s: float | None = None
-    """Age of the request when its frame was composed, s; None: the service has no stamp."""
+    """Age of the request as it arrived, s; None: unknown, or the service has no stamp."""
 
 
 class ResponseReceived(msgspec.Struct, frozen=True, kw_only=True):
@@ -57,7 +57,7 @@ class ResponseReceived(msgspec.Struct, frozen=True, kw_only=True):
     value: Any
     """The response."""
     age_s: float | None = None
-    """Age of the response when its frame was composed, s; None: the service has no stamp."""
+    """Age of the response as it arrived, s; None: unknown, or the service has no stamp."""
 
 
 class CallFailed(msgspec.Struct, frozen=True, kw_only=True):
@@ -222,11 +222,13 @@ class Answer(msgspec.Struct, frozen=True):
 class Served(TakenExchange[CallKey]):
     """A request that this node has accepted."""
 
-    __slots__ = ("abandoned_at", "answer", "is_closed", "is_named")
+    __slots__ = ("abandoned_at", "answer", "answered_at", "is_closed", "is_named")
 
     def __init__(self, key: CallKey) -> None:
         super().__init__(key)
         self.answer: Answer | None = None
+        self.answered_at: int | None = None
+        """Instant at which it was answered, ns; None: not yet, or before a restart."""
         self.is_named = True
         """Whether answers carry the client's epoch: the client may not know that this node has
         it."""

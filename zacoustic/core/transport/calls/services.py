@@ -145,6 +145,7 @@ class Services:
             stamped=stamped,
             delimits_itself=stream.codec.delimits_itself,
             queued_at=now,
+            made_at=now,
         )
         key = (stream_id, _REQUEST_LANE, server)
         # After that the server no longer remembers the number.
@@ -185,7 +186,7 @@ class Services:
         if server == source and not heard.is_unicast:
             return "not_for_us"  # it may be to a call of another client
         if server == source:
-            return self._receive_answer(source, stream, content, now)
+            return self._receive_answer(heard, stream, content)
         if server != self._address:
             return "not_subscriber" if kind is CallKind.REQUEST else "not_publisher"
         key = CallKey(source, self._handshake.peer(source).present_epoch, stream.stream_id, number)
@@ -204,7 +205,11 @@ class Services:
             # unproved.
             if not (stream.is_built_in and stream.stream_id == COMMANDS_STREAM_ID):
                 return "former_life"
-        return self._answering.receive_request(key, stream, content[1:], now, introduced=introduced)
+        code, payload = split_age(stream, content[1:])
+        age_s = None if code is None else heard.age(code).seconds
+        return self._answering.receive_request(
+            key, stream, payload, now, age_s=age_s, introduced=introduced
+        )
 
     def peer_forgotten(self, address: int, now: int) -> None:
         """Forget a node and cancel the calls to it."""
@@ -230,7 +235,8 @@ class Services:
 
     # Below the methods above
 
-    def _receive_answer(self, server: int, stream: Stream, content: bytes, now: int) -> str | None:
+    def _receive_answer(self, heard: Heard, stream: Stream, content: bytes) -> str | None:
+        server, now = heard.source, heard.now
         kind, number = decode_call_byte(content[0])
         payload, is_named = content[1:], kind is NAMED
         if is_named:
@@ -259,7 +265,7 @@ class Services:
             failure, text = decode_error(payload) or (CallFailure.HANDLER, "")
             self._fail(call_id, failure, text, now)
             return None
-        return self._receive_response(call_id, stream, payload, now)
+        return self._receive_response(heard, call_id, stream, payload)
 
     def _ask_again(self, server: int, stream_id: int, number: int, now: int) -> None:
         """Repeat the request of a call after an answer that may belong to an earlier boot epoch.
@@ -282,9 +288,11 @@ class Services:
         self._queue.replace(key, record, once_qos(self._linger_s))
 
     def _receive_response(
-        self, call_id: int, stream: Stream, payload: bytes, now: int
+        self, heard: Heard, call_id: int, stream: Stream, payload: bytes
     ) -> str | None:
-        age_s, payload = split_age(stream, payload)
+        now = heard.now
+        code, payload = split_age(stream, payload)
+        age_s = None if code is None else heard.age(code).seconds
         try:
             value = stream.response_codec.decode(payload)
         except PayloadError:

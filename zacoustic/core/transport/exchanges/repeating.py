@@ -220,6 +220,9 @@ class Repeater:
                 round_trip_ns = now - repetition.sent_at
                 if prompt or round_trip_ns < 2 * times.first_round_trip_ns:
                     self._pacers[peer].measured(round_trip_ns, times)
+                if prompt:
+                    linger_ns = seconds_to_ns(times.confirm_linger_s)
+                    self._pacers.answers(peer, repetition.sent_at, linger_ns)
             self._pacers.answered(peer, now)
             self._pacers.await_nothing(peer)
         self._repetitions.pop(repetition, None)

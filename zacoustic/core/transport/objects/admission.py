@@ -5,8 +5,10 @@ from typing import Protocol
 import msgspec
 
 from zacoustic.core.base.linktypes import ReceivedFrame
+from zacoustic.core.base.moments import Made
 from zacoustic.core.transport.objects.manifest import Manifest
 from zacoustic.core.transport.reliable.receiving.receiving import Claim
+from zacoustic.core.values.age import NO_AGE, Age
 from zacoustic.core.wire.objects import Reason
 
 
@@ -17,6 +19,10 @@ class ObjectReceived(msgspec.Struct, frozen=True, kw_only=True):
     manifest: Manifest
     payload: bytes
     received: ReceivedFrame
+    age: Age = NO_AGE
+    """Its age as its first fragment had arrived."""
+    aged_at: Made = None
+    """When that was."""
     again: bool = False
     """Whether an earlier boot epoch may have delivered it."""
 

@@ -12,7 +12,9 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.core.base.qos import Reliability
+from zacoustic.core.base.clock import ns_to_seconds
+from zacoustic.core.base.moments import Made, instant_of
+from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.base.stats import NO_STREAM
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
@@ -27,7 +29,7 @@ from zacoustic.core.transport.deliveries import (
 )
 from zacoustic.core.transport.objects.admission import Admission, ObjectReceived
 from zacoustic.core.transport.objects.limits import ObjectLimits
-from zacoustic.core.transport.objects.manifest import Manifest
+from zacoustic.core.transport.objects.manifest import Manifest, take_age
 from zacoustic.core.transport.objects.objects import Objects
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged
@@ -39,6 +41,7 @@ from zacoustic.core.transport.reliable.sending.sending import ReliableSending
 from zacoustic.core.transport.reliable.sending.sendlane import Outgoing
 from zacoustic.core.transport.reliable.sending.slots import LargeSlots, SequenceSlot
 from zacoustic.core.transport.subscriptions.subscriptions import NOBODY, Subscriptions
+from zacoustic.core.values.age import NO_AGE
 from zacoustic.core.values.encoding import decode_prefix
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.objects import (
@@ -102,6 +105,7 @@ class LargeSamples:
             owner=self,
             emit=self._progress,
             journal=context.journal,
+            moments=context.moments,
             sizes=context.sizes,
         )
         context.reception.on(Fragment, self.fragment)
@@ -159,6 +163,7 @@ class LargeSamples:
         *,
         instance: Instance,
         encoding: str | None,
+        made_at: Made,
         expires_at: int | None,
         delivery_id: int,
     ) -> None:
@@ -172,7 +177,15 @@ class LargeSamples:
         self._now = now
         slot = self._slots.next_slot(stream, instance)
         self._send(
-            delivery_id, stream, payload, slot, instance, encoding, expires_at=expires_at, now=now
+            delivery_id,
+            stream,
+            payload,
+            slot,
+            instance,
+            encoding,
+            made_at=made_at,
+            expires_at=expires_at,
+            now=now,
         )
         self._slots.take(stream, instance, delivery_id, now)
 
@@ -203,6 +216,7 @@ class LargeSamples:
                 slot,
                 tuple(waiting.head[:-1]),
                 prefix[0] if prefix else None,
+                made_at=waiting.made_at,
                 expires_at=sample.expires_at,
                 now=now,
                 but=sample.acknowledged if sample.is_again else frozenset(),
@@ -252,7 +266,11 @@ class LargeSamples:
         """Take a fragment; return why it is dropped, or None."""
         self._now = heard.now
         heard.streams.append(self.objects.stream_coming(heard.source, fragment.transfer))
-        return self.objects.fragment(heard.source, fragment, heard.frame, heard.now)
+        age = NO_AGE
+        if fragment.index == 0:
+            data, code = take_age(fragment.data)
+            fragment, age = msgspec.structs.replace(fragment, data=data), heard.age(code)
+        return self.objects.fragment(heard.source, fragment, heard.frame, heard.now, age)
 
     def feedback(self, heard: Heard, feedback: Feedback) -> str | None:
         """Take a feedback; return why it is dropped, or None."""
@@ -320,6 +338,10 @@ class LargeSamples:
         manifest = arrived.manifest
         stream = self._table.by_id(manifest.stream_id)
         slot = SequenceSlot(manifest.lineage, manifest.number)
+        age, received_at = NO_AGE, arrived.received.received_at
+        aged_at = instant_of(arrived.aged_at, self._now)
+        if stream.qos.stamp is Stamp.AGE and aged_at is not None:
+            age = arrived.age.later(ns_to_seconds(received_at - aged_at))
         try:
             stream.keys.key(arrived.source, manifest.instance)
             value = stream.codec.decode(arrived.payload)
@@ -329,7 +351,9 @@ class LargeSamples:
                 instance=manifest.instance,
                 value=value,
                 encoding=manifest.encoding or stream.encoding,
-                received_at=arrived.received.received_at,
+                age_s=age.seconds,
+                age_error_s=age.error_s,
+                received_at=received_at,
                 metrics=arrived.received.metrics,
                 again=arrived.again,
             )
@@ -374,6 +398,7 @@ class LargeSamples:
         instance: Instance,
         encoding: str | None,
         *,
+        made_at: Made,
         expires_at: int | None,
         now: int,
         but: Set[int] = frozenset(),
@@ -409,6 +434,8 @@ class LargeSamples:
             exclusive=stream.qos.exclusive,
             lifespan_s=stream.qos.lifespan_s,
             expires_at=expires_at,
+            has_age=stream.qos.stamp is Stamp.AGE,
+            made_at=made_at,
         )
 
     def _refuse(self, order: StoredObject) -> str:

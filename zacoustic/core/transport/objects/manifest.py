@@ -6,10 +6,13 @@ receivers have it with the first fragment.
 
 ::
 
-    stream (1)  flags (1)  lineage (2)  number (3)
+    stream (1)  flags (1)  age (1)  lineage (2)  number (3)
     instance (…)  encoding (…)  length, LEB128 (1…4)  digest (8)
 
-The flags say how many instance bytes follow, and by 0x80 that an encoding does. Lineage and number
+The flags say how many instance bytes follow, by 0x80 that an encoding does, and by 0x40 that an age
+does. The age is that of the moment at which the fragment goes that holds it, which is the first
+one. For the digest, for repair fragments and for comparisons it counts as unknown: `with_age` sets
+it in a fragment, `take_age` takes it out. Lineage and number
 are its position in the count of the key (`zacoustic.core.transport.reliable`): they set the order
 of delivery, and distinguish the object from an earlier one with the same payload. The digest is the
 first eight bytes of the SHA-256 of everything before it and of the payload.
@@ -21,10 +24,15 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.streams.keys import Instance
+from zacoustic.core.values.age import UNKNOWN
 from zacoustic.core.values.encoding import decode_prefix, encode_prefix
 
 DIGEST_BYTES: Final = 8
 _HAS_ENCODING: Final = 0x80
+_HAS_AGE: Final = 0x40
+_INSTANCE: Final = 0x3F
+_FLAGS_AT: Final = 1
+_AGE_AT: Final = 2
 _PLACE_BYTES: Final = 5
 _NUMBERS: Final = 1 << 24
 _LONGEST_LENGTH_BYTES: Final = 4
@@ -40,6 +48,8 @@ class Manifest(msgspec.Struct, frozen=True, kw_only=True):
     """The key within the topic."""
     encoding: str | None
     """The Zenoh encoding, where it is not the stream's."""
+    has_age: bool = False
+    """Whether its first fragment says how old it is."""
     lineage: int
     """The boot epoch of the key's count."""
     number: int
@@ -65,10 +75,12 @@ def encode_object(
     *,
     lineage: int,
     number: int,
+    has_age: bool = False,
 ) -> tuple[Manifest, bytes]:
     """Return the manifest of a payload, and both encoded in a row, to be cut into fragments."""
     number %= _NUMBERS
-    head = bytes((stream_id, len(instance) | (_HAS_ENCODING if encoding is not None else 0)))
+    flags = len(instance) | _HAS_ENCODING * (encoding is not None) | _HAS_AGE * has_age
+    head = bytes((stream_id, flags)) + bytes((UNKNOWN,)) * has_age
     head += (lineage * _NUMBERS + number).to_bytes(_PLACE_BYTES, "big") + bytes(instance)
     if encoding is not None:
         head += encode_prefix(encoding)
@@ -78,6 +90,7 @@ def encode_object(
         stream_id=stream_id,
         instance=tuple(instance),
         encoding=encoding,
+        has_age=has_age,
         lineage=lineage,
         number=number,
         payload_bytes=len(payload),
@@ -89,12 +102,16 @@ def encode_object(
 
 def decode_manifest(coded: bytes) -> Manifest | None:
     """Decode the manifest at the start of an object; None: incomplete or invalid."""
-    begin = 2 + _PLACE_BYTES
+    if len(coded) <= _FLAGS_AT:
+        return None
+    stream_id, flags = coded[0], coded[_FLAGS_AT]
+    has_age = bool(flags & _HAS_AGE)
+    place = _AGE_AT + has_age
+    begin = place + _PLACE_BYTES
     if len(coded) < begin:
         return None
-    stream_id, flags = coded[0], coded[1]
-    lineage, number = divmod(int.from_bytes(coded[2:begin], "big"), _NUMBERS)
-    offset = begin + (flags & ~_HAS_ENCODING)
+    lineage, number = divmod(int.from_bytes(coded[place:begin], "big"), _NUMBERS)
+    offset = begin + (flags & _INSTANCE)
     instance = tuple(coded[begin:offset])
     encoding: str | None = None
     if flags & _HAS_ENCODING:
@@ -113,6 +130,7 @@ def decode_manifest(coded: bytes) -> Manifest | None:
         stream_id=stream_id,
         instance=instance,
         encoding=encoding,
+        has_age=has_age,
         lineage=lineage,
         number=number,
         payload_bytes=payload_bytes,
@@ -128,6 +146,20 @@ def open_object(manifest: Manifest, coded: bytes) -> bytes | None:
     if decode_manifest(coded) != manifest or _digest(head, payload) != manifest.digest:
         return None
     return payload
+
+
+def with_age(first: bytes, code: int) -> bytes:
+    """Return the first fragment of an object with the code of its age, if it has a place for it."""
+    if len(first) <= _AGE_AT or not first[_FLAGS_AT] & _HAS_AGE:
+        return first
+    return first[:_AGE_AT] + bytes((code,)) + first[_AGE_AT + 1 :]
+
+
+def take_age(first: bytes) -> tuple[bytes, int]:
+    """Return the first fragment of an object as it counts, and the code of its age."""
+    if len(first) <= _AGE_AT or not first[_FLAGS_AT] & _HAS_AGE:
+        return first, UNKNOWN
+    return with_age(first, UNKNOWN), first[_AGE_AT]
 
 
 def _digest(head: bytes, payload: bytes) -> bytes:

@@ -18,6 +18,7 @@ from functools import partial
 from zacoustic.core.base.generators import Generators
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame, TransmitReport
+from zacoustic.core.base.moments import Made, Moments
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
 from zacoustic.core.base.sizes import SIZES, Sizes
@@ -37,11 +38,13 @@ from zacoustic.core.transport.objects.sending.sending import OutgoingObjects, Ow
 from zacoustic.core.transport.objects.stored import (
     StoredObject,
     StoredProgress,
+    stored_ages,
     stored_ends,
     stored_groups,
     stored_out,
 )
 from zacoustic.core.transport.objects.timing import Timing
+from zacoustic.core.values.age import NO_AGE, Age
 from zacoustic.core.wire.objects import (
     FEEDBACK_BYTES,
     FRAGMENT_HEADER_BYTES,
@@ -65,6 +68,7 @@ class Objects:
         owner: Gets events of outgoing objects, and knows whose turn it is.
         emit: Takes events about their progress and their way.
         journal: Holds what must survive a restart.
+        moments: Find instants again after a restart.
         sizes: How many numbers there are, and how many ended objects are remembered.
     """
 
@@ -80,8 +84,10 @@ class Objects:
         owner: Owner,
         emit: Callable[[ObjectProgress | BulkChanged], None],
         journal: JournalPort,
+        moments: Moments,
         sizes: Sizes = SIZES,
     ) -> None:
+        self._moments = moments
         self._limits = limits
         self._outgoing = OutgoingObjects(
             epoch=epoch,
@@ -93,6 +99,7 @@ class Objects:
             emit=emit,
             owner=owner,
             journal=journal,
+            moments=moments,
         )
         self._incoming = IncomingObjects(
             limits=limits,
@@ -100,6 +107,7 @@ class Objects:
             admission=admission,
             emit=emit,
             journal=journal,
+            moments=moments,
             most_ended=sizes.ended_transfers,
         )
         self._timing: Timing | None = None
@@ -166,6 +174,8 @@ class Objects:
                 handed_on.append((source, manifest))
         for source, transfer, group, fragments in stored_groups(stored):
             self._incoming.restore_group(source, transfer, group, fragments)
+        for source, transfer, age in stored_ages(stored):
+            self._incoming.restore_age(source, transfer, age)
         self._incoming.restored()
         for transfer, order, place in stored_out(stored):
             if why := refuse(order):
@@ -198,6 +208,8 @@ class Objects:
         exclusive: bool = False,
         lifespan_s: float | None = None,
         expires_at: int | None = None,
+        has_age: bool = False,
+        made_at: Made = None,
     ) -> None:
         """Send a payload as an object.
 
@@ -217,6 +229,8 @@ class Objects:
             exclusive: Whether it is sent without listen windows.
             lifespan_s: Time after which it is withdrawn in a later boot epoch, s.
             expires_at: Instant at which it is withdrawn in this boot epoch, ns; None: never.
+            has_age: Whether its first fragment says how old it is.
+            made_at: When it was made, for that.
 
         Raises:
             PayloadTooLargeError: It has more fragments than an index can name on this link.
@@ -238,8 +252,10 @@ class Objects:
             lineage,
             number,
             stream_digest,
+            has_age,
+            self._moments.keep(made_at) if has_age else None,
         )
-        self._outgoing.add(order, now, keep=keep, expires_at=expires_at)
+        self._outgoing.add(order, now, keep=keep, expires_at=expires_at, made_at=made_at)
 
     def check_size(self, name: str, payload_bytes: int, most_bytes: int | None = None) -> None:
         """Refuse a payload that is larger than an object may be.
@@ -449,12 +465,17 @@ class Objects:
     # Inputs
 
     def fragment(
-        self, source: int, fragment: Fragment, received: ReceivedFrame, now: int
+        self,
+        source: int,
+        fragment: Fragment,
+        received: ReceivedFrame,
+        now: int,
+        age: Age = NO_AGE,
     ) -> str | None:
-        """Take a fragment; return why it is dropped, or None."""
+        """Take a fragment, and the age that was in it; return why it is dropped, or None."""
         if self._timing is None:
             return "link_down"
-        return self._incoming.fragment(source, fragment, received, self._timing, now)
+        return self._incoming.fragment(source, fragment, received, self._timing, now, age)
 
     def feedback(self, source: int, feedback: Feedback, now: int) -> str | None:
         """Take a feedback; return why it is dropped, or None."""

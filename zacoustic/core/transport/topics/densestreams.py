@@ -40,7 +40,6 @@ from zacoustic.core.schedule.savings import Savings
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, Stream
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
-from zacoustic.core.values.age import encode_age
 from zacoustic.core.values.dense import DenseCodec, DenseSample, Encoded, Listener, Speaker
 from zacoustic.core.values.dense.stream.references import REACH
 from zacoustic.core.values.payload import PayloadError
@@ -304,7 +303,7 @@ class DenseStreams:
         # At full precision: an attitude rounded first would be off by more than half a step.
         value = dict(item.dense_value)
         if item.stamped:
-            value[AGE_FIELD] = encode_age(now - item.queued_at)
+            value[AGE_FIELD] = item.age_at(now)
         return DenseSample(item.stream_id, value, item.tick)
 
     def _receivers(self, items: Iterable[Waiting], destination: int) -> set[int]:

@@ -17,6 +17,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
+from zacoustic.core.base.moments import Moment
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.queue import RELIABLE_LANE
@@ -55,6 +56,7 @@ class _Kept(msgspec.Struct, frozen=True, array_like=True):
     encoding: str | None
     stamped: bool
     is_delete: bool
+    made: Moment | None = None
 
 
 class Successors:
@@ -83,6 +85,7 @@ class Successors:
         self._table = context.table
         self._queue = context.queue
         self._journal = context.journal
+        self._moments = context.moments
         self._timers = context.timers
         self._most_large = most_large
         self._is_crossing = is_crossing
@@ -109,6 +112,7 @@ class Successors:
                 stamped=kept.stamped,
                 encoding=kept.encoding,
                 made_at=0,
+                dated_at=self._moments.restored(kept.made),
                 expires_at=None,
             )
             successor = Successor(
@@ -165,6 +169,7 @@ class Successors:
                 sample.encoding,
                 sample.stamped,
                 successor.is_delete,
+                self._moments.keep(sample.dated_at) if sample.stamped else None,
             )
             self._journal.write(
                 _name(stream, successor),

@@ -42,7 +42,7 @@ from zacoustic.core.transport.topics.deadlines import Deadlines
 from zacoustic.core.transport.topics.densestreams import DenseStreams
 from zacoustic.core.transport.topics.latched import LatchedTopics
 from zacoustic.core.transport.topics.successors import Successor, Successors
-from zacoustic.core.values.age import decode_age_s
+from zacoustic.core.values.age import NO_AGE, UNKNOWN
 from zacoustic.core.values.payload import PayloadError, ReferenceUnknownError
 from zacoustic.core.wire.frame import SYNC_BYTES, DenseBlock, Record
 from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBER_BYTES, NUMBERS, decode_ack
@@ -191,6 +191,7 @@ class Topics:
             dense_value=sample.dense_value,
             tick=self._stats.published.get(stream.stream_id, 0) + 1,
             queued_at=sample.made_at,
+            made_at=sample.dated_at,
             expires_at=sample.expires_at,
         )
         largest_bytes = self._queue.largest_bytes
@@ -283,6 +284,7 @@ class Topics:
                 now,
                 instance=sample.instance,
                 encoding=sample.encoding,
+                made_at=sample.dated_at,
                 expires_at=sample.expires_at,
                 delivery_id=successor.delivery_id,
             )
@@ -297,6 +299,7 @@ class Topics:
             payload=sample.payload,
             stamped=sample.stamped,
             queued_at=sample.made_at,
+            made_at=sample.dated_at,
             expires_at=sample.expires_at,
             delivery_id=successor.delivery_id,
             now=now,
@@ -327,11 +330,11 @@ class Topics:
             if not content:
                 return "payload"
             low_number, content = content[0], content[NUMBER_BYTES:]
-        age_s: float | None = None
+        age = NO_AGE
         if stream.qos.stamp is Stamp.AGE and not prefixes.delete:
             if not content:
                 return "payload"
-            age_s, content = decode_age_s(content[0]), content[_AGE_BYTES:]
+            age, content = heard.age(content[0]), content[_AGE_BYTES:]
         if prefixes.delete and content:
             return "payload"
         try:
@@ -346,7 +349,8 @@ class Topics:
             value=value,
             deleted=prefixes.delete,
             encoding=prefixes.encoding or stream.encoding,
-            age_s=age_s,
+            age_s=age.seconds,
+            age_error_s=age.error_s,
             received_at=received.received_at,
             metrics=received.metrics,
         )
@@ -420,7 +424,7 @@ class Topics:
     def _receive_dense(self, heard: Heard, stream_id: int, value: dict[str, Any]) -> None:
         """Deliver a sample of a dense block."""
         stream = self._table.by_id(stream_id)
-        code: int | None = value.pop(AGE_FIELD, None)
+        age = heard.age(value.pop(AGE_FIELD, UNKNOWN))
         sample = SampleReceived(
             stream_id=stream_id,
             source=heard.source,
@@ -428,7 +432,8 @@ class Topics:
             value=stream.dense_sample(value),
             deleted=False,
             encoding=stream.encoding,
-            age_s=None if code is None else decode_age_s(code),
+            age_s=age.seconds,
+            age_error_s=age.error_s,
             received_at=heard.frame.received_at,
             metrics=heard.frame.metrics,
         )

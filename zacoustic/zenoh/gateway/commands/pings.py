@@ -44,8 +44,8 @@ RANGE_LIMIT_S: Final = 10.0
 
 _ROUNDING_S: Final = 1.0
 """Both clocks report whole seconds."""
-_AGE_STEP: Final = 0.02
-"""Relative error of a coded age."""
+_AGE_STEP: Final = 0.05
+"""Relative error of an age."""
 
 
 class PingHandler:
@@ -110,7 +110,7 @@ class PingHandler:
             return
         now = self._clock()
         if isinstance(event, ResponseReceived) and event.stream_id == STATUS_STREAM_ID:
-            ping.status, ping.status_age_s = NodeStatus.from_wire(event.value), event.age_s or 0.0
+            ping.status, ping.status_age_s = NodeStatus.from_wire(event.value), event.age_s
             ping.answered_at = now
         ping.round_trip_s = ns_to_seconds(now - ping.asked_at)
         left_s = min(ping.within_s - ping.round_trip_s, RANGE_LIMIT_S)
@@ -187,11 +187,10 @@ class PingHandler:
         said, here = ping.status, self._runner.engine.status.own(ping.answered_at)
         assert said is not None
         ahead_s = doubt_s = None
-        if said.utc_s is not None and here.utc_s is not None:
+        if said.utc_s is not None and here.utc_s is not None and ping.status_age_s is not None:
             # If no range is known, the status was at most half of the round trip on its way.
-            on_way_s = (ping.round_trip_s or 0.0) / 2 if propagation_s is None else propagation_s
-            unknown_s = on_way_s if propagation_s is None else 0.0
-            ahead_s = said.utc_s + ping.status_age_s + on_way_s - here.utc_s
+            unknown_s = (ping.round_trip_s or 0.0) / 2 if propagation_s is None else 0.0
+            ahead_s = said.utc_s + ping.status_age_s - here.utc_s
             doubt_s = _ROUNDING_S + ping.status_age_s * _AGE_STEP + unknown_s
         return PeerStatus(
             journal=said.journal.value,
@@ -216,8 +215,8 @@ class _Ping:
         """Of the node's own answer; None: it has not answered, or was not asked."""
         self.status: NodeStatus | None = None
         """Its reported status; None: it reports none."""
-        self.status_age_s = 0.0
-        """Age of the status on arrival, without the propagation delay, s."""
+        self.status_age_s: float | None = None
+        """Age of the status on arrival, s; None: unknown."""
         self.answered_at = 0
         """Instant of its arrival, ns."""
 

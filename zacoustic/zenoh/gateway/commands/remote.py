@@ -146,7 +146,7 @@ class CommandHandler:
             maybe = "may have executed it" if command.changes else ""
             refuse_failed(held, end, node, maybe=maybe)
             return
-        state = CommandState.from_wire(end.value, end.age_s or 0.0)
+        state = CommandState.from_wire(end.value, end.age_s)
         self._answer(held, node, command, state)
 
     def _answer(

@@ -16,7 +16,7 @@ import msgspec
 import zenoh
 
 from zacoustic.core.base.clock import Clock, seconds_to_ns
-from zacoustic.core.base.qos import Durability
+from zacoustic.core.base.qos import Durability, Stamp
 from zacoustic.core.engine.events import CallKey, SampleReceived
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import Stream
@@ -47,6 +47,8 @@ class Reading(msgspec.Struct, frozen=True, kw_only=True):
     """Its encoding if it differs from the stream's."""
     age_ns: int | None = None
     """Its age when it was read, ns; None: the age of its parcel."""
+    is_dated: bool = True
+    """Whether its age is known."""
 
 
 class Written(msgspec.Struct, frozen=True, kw_only=True):
@@ -226,16 +228,22 @@ class PlainTopic(TopicDialect):
         """Encode in the encoding of the publication."""
         stream = self.stream
         payload, encoding = to_local(event.value, stream.type, event.encoding, stream.encoding)
-        mark = Marker(acoustic=event.source, age_s=event.age_s).encode()
+        mark = self._mark(event.source, event.age_s, event.age_error_s)
         return Written(payload=payload, encoding=encoding, attachment=mark)
 
     def mark_of(self, last: LastValue, now: int) -> bytes | None:
         """Return a mark with the current age."""
-        return Marker(acoustic=last.source, age_s=last.age_at(now)).encode()
+        return self._mark(last.source, last.age_at(now), last.age_error_s)
 
     def mark_again(self, last: LastValue) -> bytes:
         """Return a mark with its stored age."""
-        return Marker(acoustic=last.source, age_s=last.age_s).encode()
+        return self._mark(last.source, last.age_s, last.age_error_s)
+
+    def _mark(self, source: int, age_s: float | None, age_error_s: float | None) -> bytes:
+        is_stamped = self.stream.qos.stamp is Stamp.AGE
+        return Marker(
+            acoustic=source, age_s=age_s, age_error_s=age_error_s, is_stamped=is_stamped
+        ).encode()
 
 
 class ServiceDialect(ABC):

@@ -28,9 +28,11 @@ class LastValue(msgspec.Struct, frozen=True, kw_only=True):
     source: int
     """Acoustic address of the publisher."""
     age_s: float | None
-    """Age when its frame was composed, s; None: the stream has no stamp."""
+    """Age at `received_at`, s; None: unknown, or the stream has no stamp."""
+    age_error_s: float | None = None
+    """How wrong that may be, s; None: nothing bounds it."""
     received_at: int
-    """Instant at which the frame had arrived, ns."""
+    """Instant at which it was put here, ns."""
     attachment: bytes | None = None
     """Its attachment."""
     publisher: int = 0

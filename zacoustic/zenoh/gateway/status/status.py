@@ -46,7 +46,7 @@ class Status:
         self._announcer = announcer
 
     def note_sample(self, event: SampleReceived) -> None:
-        """Store the age of a sample when it was sent."""
+        """Store the age of a sample as it arrived."""
         self._traffic.note_age(event.stream_id, event.age_s)
 
     def note_peer(self, event: PeerSeen) -> None:

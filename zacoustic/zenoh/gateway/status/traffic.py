@@ -96,8 +96,8 @@ class Traffic:
                 self._note_outcome(record.detail)
 
     def note_age(self, stream_id: int, age_s: float | None) -> None:
-        """Store the age of a sample when its frame was composed."""
-        if age_s is not None and age_s != float("inf"):
+        """Store the age of a sample as it arrived; None: unknown."""
+        if age_s is not None:
             self._ages_s[stream_id] = age_s
         else:
             self._ages_s.pop(stream_id, None)

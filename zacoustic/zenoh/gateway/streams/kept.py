@@ -36,6 +36,7 @@ class _Entry(msgspec.Struct, frozen=True, array_like=True):
     age_s: float | None
     received_utc_ns: int
     publisher: int = 0
+    age_error_s: float | None = None
 
 
 class KeptSamples:
@@ -103,6 +104,7 @@ class KeptSamples:
                     encoding=entry.encoding,
                     source=entry.source,
                     age_s=age_s,
+                    age_error_s=entry.age_error_s,
                     received_at=self._clock(),
                     publisher=entry.publisher,
                     journalled_s=passed_s,
@@ -122,6 +124,7 @@ class KeptSamples:
                 value.age_s,
                 received_utc_ns,
                 value.publisher,
+                value.age_error_s,
             )
         )
         identity = (stream.stream_id, value.key, self._next_serial)

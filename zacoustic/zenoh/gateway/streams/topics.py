@@ -118,7 +118,7 @@ class Topics:
         if self._redundant.shares_network(event.source, self._table.by_id(event.stream_id)):
             return
         dialect = self.dialects[event.stream_id]
-        stream = dialect.stream
+        stream, event = dialect.stream, event.aged(self._clock())
         key = dialect.key(stream.keys.key(event.source, event.instance))
         delivers = self._redundant.delivers(stream)
         if event.deleted:
@@ -139,6 +139,7 @@ class Topics:
             encoding=written.encoding,
             source=event.source,
             age_s=event.age_s,
+            age_error_s=event.age_error_s,
             received_at=event.received_at,
             attachment=written.attachment,
             publisher=stream.keys.publisher(event.instance),
@@ -211,6 +212,7 @@ class Topics:
                     encoding=reading.encoding,
                     delete=parcel.deleted,
                     queued_at=queued_at,
+                    is_dated=reading.is_dated,
                 )
         except PayloadInvalidError as error:
             self._input_errors.add(stream.name, "payload", str(error))

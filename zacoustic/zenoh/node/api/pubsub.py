@@ -37,7 +37,9 @@ class Sample(msgspec.Struct, Generic[T], frozen=True, kw_only=True):
     encoding: str
     """Encoding that the publisher used."""
     age_s: float | None = None
-    """Age when the frame was composed, s; infinity: over an hour; None: no stamp."""
+    """Age at `received_at`, s; 30 days: at least so old; None: unknown, or no stamp."""
+    age_error_s: float | None = None
+    """How wrong that may be, s; None: nothing bounds it."""
     received_at: int
     """Instant of arrival, ns on `time.monotonic_ns`."""
     metrics: LinkMetrics = LinkMetrics()
@@ -210,6 +212,7 @@ class Subscription(Generic[T]):
             deleted=incoming.deleted,
             encoding=incoming.encoding,
             age_s=incoming.age_s,
+            age_error_s=incoming.age_error_s,
             received_at=incoming.received_at,
             metrics=incoming.metrics,
         )

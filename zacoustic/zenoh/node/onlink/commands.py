@@ -40,7 +40,7 @@ class LinkCommands:
             lambda engine, call_id, now: engine.cancel(call_id, now),
         )
         if isinstance(end, ResponseReceived):
-            return CommandState.from_wire(end.value, end.age_s or 0.0)
+            return CommandState.from_wire(end.value, end.age_s)
         if end.failure is CallFailure.HANDLER:
             raise ServiceError(f"the command is refused: {end.text}")
         raise call_error("the command", end.failure, end.text)

@@ -74,6 +74,7 @@ class Listeners:
             deleted=event.deleted,
             encoding=event.encoding or OPAQUE,
             age_s=event.age_s,
+            age_error_s=event.age_error_s,
             received_at=event.received_at,
             metrics=event.metrics,
         )

@@ -302,6 +302,7 @@ class ZenohCarrier:
                 deleted=is_delete,
                 encoding=encoding,
                 age_s=marker.age_s if marker else None,
+                age_error_s=marker.age_error_s if marker else None,
                 received_at=time.monotonic_ns(),
                 metrics=LinkMetrics(),
             )

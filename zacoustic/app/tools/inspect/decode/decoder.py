@@ -22,7 +22,7 @@ from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, EVERY_NODE, Stream, StreamTable
 from zacoustic.core.streams.wireprofile import WireProfile
-from zacoustic.core.values.age import decode_age_s
+from zacoustic.core.values.age import OLDER, UNKNOWN, age_words, decode_age
 from zacoustic.core.values.payload import PayloadError
 from zacoustic.core.wire.access import ANYBODY, NOBODY, ClockTime, Turn
 from zacoustic.core.wire.agreement import (
@@ -159,8 +159,9 @@ class FrameDecoder:
             text = f"RELAY probe {probe.number} of run {probe.run}"
             return [DecodedItem(kind="relay", text=text)]
         match decode_relayed(records):
-            case Relayed(number, content, more, is_urgent):
+            case Relayed(number, content, more, is_urgent, age):
                 text = f"RELAY {'urgent, ' if is_urgent else ''}{_number_text(number)}"
+                text += f", {_age_of(age)}"
                 text += "; another one follows" if more else ""
                 inside = self.decode(content, unicast=True)
                 return [DecodedItem(kind="relay", text=text), *inside]
@@ -181,7 +182,7 @@ class FrameDecoder:
             return [DecodedItem(kind="stray", text=text, fault="flood_format")]
         to = "all" if flooded.destination == BROADCAST else f"node {flooded.destination}"
         text = f"RELAY {flooded.seq}, flooded by node {flooded.origin} for {to}"
-        text += f"; {flooded.left} further nodes may pass it on"
+        text += f", {_age_of(flooded.age)}; {flooded.left} further nodes may pass it on"
         is_for_one = flooded.destination != BROADCAST
         inside = self.decode(flooded.content, source=flooded.origin, unicast=is_for_one)
         return [DecodedItem(kind="relay", text=text), *inside]
@@ -192,6 +193,7 @@ class FrameDecoder:
             text = f"STRAY {len(records)} bytes: a frame of a bond that is cut short"
             return [DecodedItem(kind="stray", text=text, fault="relay_format")]
         text = f"RELAY {bonded.seq} of bond {bonded.number}"
+        text += f", {_age_of(bonded.age)}" if bonded.content else ""
         text += "; its receivers answer" if bonded.wants_answer else ""
         inside = self.decode(bonded.content) if bonded.content else []
         return [DecodedItem(kind="relay", text=text), *inside]
@@ -239,7 +241,7 @@ class _Reader:
         said = {name: part for name, part in value.items() if name != AGE_FIELD}
         shown = printable(stream.dense_sample(said))
         if AGE_FIELD in value:
-            head += f", {decode_age_s(value[AGE_FIELD]):g} s old"
+            head += f", {_age_of(value[AGE_FIELD])}"
         text = f"{head}: {json.dumps(shown, ensure_ascii=False)}"
         return DecodedItem(kind="sample", text=text, stream_id=stream_id, name=key, value=shown)
 
@@ -352,7 +354,7 @@ class _Reader:
                 kind="delete", text=f"{head} deleted", stream_id=stream.stream_id, name=key
             )
         if stream.qos.stamp is Stamp.AGE:
-            head += f", {decode_age_s(payload[0]):g} s old" if payload else ", without its age"
+            head += f", {_age_of(payload[0])}" if payload else ", without its age"
             payload = payload[1:]
         if prefixes.encoding is not None:
             head += f", {prefixes.encoding}"
@@ -434,8 +436,8 @@ def _call(stream: Stream, spec: ServiceSpec, record: Record, source: int) -> Dec
             kind="error", text=f"{head}: {said}", stream_id=stream.stream_id, name=stream.name,
             value=said,
         )  # fmt: skip
-    age_s, payload = split_age(stream, payload)
-    head += "" if age_s is None else f", {age_s:g} s old"
+    code, payload = split_age(stream, payload)
+    head += "" if code is None else f", {_age_of(code)}"
     codec = stream.codec if kind is CallKind.REQUEST else stream.response_codec
     return decoded(kind.name.lower(), head, stream.stream_id, stream.name, codec, payload)
 
@@ -496,3 +498,9 @@ def _unread(record: Record) -> DecodedItem:
         stream_id=record.stream_id,
         value=record.content.hex(),
     )
+
+
+def _age_of(code: int) -> str:
+    """Return the age that a code stands for, as its frame began."""
+    seconds = decode_age(code).seconds
+    return age_words(seconds) if code in (OLDER, UNKNOWN) else f"{seconds:g} s old"

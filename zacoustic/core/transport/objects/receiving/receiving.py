@@ -15,6 +15,7 @@ import msgspec
 
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST, ReceivedFrame
+from zacoustic.core.base.moments import Moments
 from zacoustic.core.transport.objects.admission import AdmissionControl, ObjectReceived
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest
@@ -22,9 +23,17 @@ from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectStat
 from zacoustic.core.transport.objects.receiving.endings import Endings, Refusal
 from zacoustic.core.transport.objects.receiving.replies import Replies, TransferKey
 from zacoustic.core.transport.objects.receiving.transfers import Transfer, Transfers
-from zacoustic.core.transport.objects.stored import StoredEnd, done_key, encode_group, group_key
+from zacoustic.core.transport.objects.stored import (
+    StoredAge,
+    StoredEnd,
+    age_key,
+    done_key,
+    encode_group,
+    group_key,
+)
 from zacoustic.core.transport.objects.timing import Timing
 from zacoustic.core.transport.reliable.receiving.receiving import Claim
+from zacoustic.core.values.age import NO_AGE, Age
 from zacoustic.core.wire.objects import (
     CHECK_BYTES,
     NO_FRAGMENT,
@@ -49,6 +58,7 @@ class IncomingObjects:
         admission: Knows table and counts, and takes complete objects.
         emit: Takes progress events.
         journal: Holds what must survive a restart.
+        moments: Find instants again after a restart.
         most_ended: The most ended objects that are remembered.
     """
 
@@ -60,8 +70,10 @@ class IncomingObjects:
         admission: AdmissionControl,
         emit: Callable[[ObjectProgress], None],
         journal: JournalPort,
+        moments: Moments,
         most_ended: int,
     ) -> None:
+        self._moments = moments
         self._admission = admission
         self._emit = emit
         self._journal = journal
@@ -103,6 +115,15 @@ class IncomingObjects:
             state.incoming.add(index, data)
             state.groups = group + 1
 
+    def restore_age(self, source: int, transfer: int, kept: StoredAge) -> None:
+        """Restore the age that an object had in an earlier boot epoch, behind its fragments."""
+        state = self._transfers.get((source, transfer))
+        if state is None:
+            self._journal.write(age_key(source, transfer), None)
+            return
+        state.age = Age(kept.age_s, kept.error_s)
+        state.aged_at = self._moments.restored(kept.received)
+
     def restore_end(self, source: int, transfer: int, end: StoredEnd) -> None:
         """Restore the end of an object that an earlier boot epoch delivered."""
         self._endings.restore((source, transfer), end)
@@ -139,9 +160,24 @@ class IncomingObjects:
     # Inputs
 
     def fragment(
-        self, source: int, fragment: Fragment, received: ReceivedFrame, timing: Timing, now: int
+        self,
+        source: int,
+        fragment: Fragment,
+        received: ReceivedFrame,
+        timing: Timing,
+        now: int,
+        age: Age = NO_AGE,
     ) -> str | None:
-        """Take a fragment; return why it is dropped, or None."""
+        """Take a fragment; return why it is dropped, or None.
+
+        Args:
+            source: Its source.
+            fragment: The fragment, without an age.
+            received: Its frame.
+            timing: The durations.
+            now: The instant.
+            age: The age in it, as the frame had arrived.
+        """
         key = (source, fragment.transfer)
         if fragment.index == NO_FRAGMENT:
             if fragment.data == WITHDRAWN:
@@ -153,7 +189,7 @@ class IncomingObjects:
                 return None
             if key not in self._transfers and self._admission.admit(source, 0).reason is not None:
                 return None  # it is not for this node
-            reason = self._collect(key, fragment, received, now)
+            reason = self._collect(key, fragment, received, age, now)
             if reason is not None:
                 return reason
         self._schedule(key, fragment, received, timing)
@@ -246,7 +282,12 @@ class IncomingObjects:
         return state is None or not state.is_ending
 
     def _collect(
-        self, key: TransferKey, fragment: Fragment, received: ReceivedFrame, now: int
+        self,
+        key: TransferKey,
+        fragment: Fragment,
+        received: ReceivedFrame,
+        age: Age,
+        now: int,
     ) -> str | None:
         state = self._transfers.get(key)
         if state is not None and state.incoming.contradicts(fragment.index, fragment.data):
@@ -257,6 +298,9 @@ class IncomingObjects:
         state.heard_at = now
         if state.is_ending:
             return None
+        if age.seconds is not None and state.age.seconds is None:
+            state.age, state.aged_at = age, received.received_at
+            self._write_age(key, state)
         for given_up in self._transfers.make_room(key):
             self._drop(given_up)
         if key not in self._transfers:
@@ -387,6 +431,8 @@ class IncomingObjects:
                 manifest=manifest,
                 payload=payload,
                 received=received,
+                age=state.age,
+                aged_at=state.aged_at,
                 again=again,
             )
         )
@@ -424,8 +470,14 @@ class IncomingObjects:
     def _forget_groups(self, key: TransferKey, state: Transfer) -> None:
         for group in range(state.groups):
             self._journal.write(group_key(*key, group), None)
+        if state.age.seconds is not None:
+            self._journal.write(age_key(*key), None)
         state.groups = 0
         state.unwritten.clear()
+
+    def _write_age(self, key: TransferKey, state: Transfer) -> None:
+        kept = StoredAge(state.age.seconds, state.age.error_s, self._moments.keep(state.aged_at))
+        self._journal.write(age_key(*key), msgspec.msgpack.encode(kept))
 
     def _write_group(self, key: TransferKey, state: Transfer) -> None:
         if not state.unwritten:

@@ -9,9 +9,11 @@ from collections.abc import Iterator
 from typing import Final
 
 from zacoustic.core.base.linktypes import ReceivedFrame
+from zacoustic.core.base.moments import Made
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.receiving.incoming import IncomingObject
 from zacoustic.core.transport.objects.receiving.replies import TransferKey
+from zacoustic.core.values.age import NO_AGE
 
 _MOST_AT_A_TIME: Final = 64
 
@@ -25,6 +27,10 @@ class Transfer:
         self.groups = 0
         self.unwritten: list[tuple[int, bytes]] = []
         self.received: ReceivedFrame | None = None
+        self.age = NO_AGE
+        """Its age as its first fragment had arrived."""
+        self.aged_at: Made = None
+        """When that was."""
         self.is_ending = False
         """Whether it is complete and its delivery is being journalled."""
 

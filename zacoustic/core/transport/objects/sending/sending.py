@@ -11,12 +11,13 @@ from zacoustic.core.base.allowance import Allowance
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST, TransmitOutcome, TransmitReport
+from zacoustic.core.base.moments import Made, Moments, instant_of
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.transport.objects.code.code import MOST_FRAGMENTS, Fragments
-from zacoustic.core.transport.objects.manifest import Manifest, encode_object
+from zacoustic.core.transport.objects.manifest import Manifest, encode_object, with_age
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.objects.sending.bulkobject import BulkObject
 from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged, BulkPaths, BulkRuns
@@ -24,6 +25,7 @@ from zacoustic.core.transport.objects.sending.outgoing import OutgoingObject
 from zacoustic.core.transport.objects.sending.planning import LossEstimate
 from zacoustic.core.transport.objects.stored import StoredObject, StoredProgress, out_key, sent_key
 from zacoustic.core.transport.objects.timing import Timing
+from zacoustic.core.values.age import encode_age
 from zacoustic.core.wire.objects import CHECK_BYTES, Feedback, Fragment
 from zacoustic.errors import PayloadTooLargeError, QueueFullError
 
@@ -47,6 +49,8 @@ class Sending(msgspec.Struct, kw_only=True):
     """Whether it survives a restart."""
     may_go: bool
     """Whether it may be sent: it is journalled, or need not be."""
+    made_at: Made = None
+    """When it was made, if its topic has ages."""
     source_journalled: int = 0
     """Source fragments below this number are journalled as sent."""
     seed_journalled: int = 0
@@ -108,6 +112,7 @@ class OutgoingObjects:
         emit: Takes events about their progress and their way.
         owner: Gets their events, and knows whose turn it is.
         journal: Holds what must survive a restart.
+        moments: Find instants again after a restart.
     """
 
     def __init__(
@@ -122,7 +127,9 @@ class OutgoingObjects:
         emit: Callable[[ObjectProgress | BulkChanged], None],
         owner: Owner,
         journal: JournalPort,
+        moments: Moments,
     ) -> None:
+        self._moments = moments
         self._sendings: dict[int, Sending] = {}
         self._numbers, self._most = numbers, most
         self._pacers = pacers
@@ -164,6 +171,7 @@ class OutgoingObjects:
         keep: bool = True,
         transfer: int | None = None,
         expires_at: int | None = None,
+        made_at: Made = None,
     ) -> None:
         """Add an object to send.
 
@@ -178,6 +186,7 @@ class OutgoingObjects:
             order.payload,
             lineage=order.lineage,
             number=order.number,
+            has_age=order.has_age,
         )
         fragments = Fragments(coded, order.fragment_bytes)
         if fragments.layout.fragments > MOST_FRAGMENTS:
@@ -207,6 +216,7 @@ class OutgoingObjects:
             outgoing=outgoing,
             keeps=keep,
             may_go=restored or not keep,
+            made_at=self._moments.restored(order.made) if restored else made_at,
         )
         self._expire_at(sending, expires_at)
         self._report(sending, ObjectState.UNDER_WAY, "")
@@ -370,7 +380,7 @@ class OutgoingObjects:
                 or (bool(lacking) and all(self._pacers[each].is_silent for each in lacking)),
             )
         self._keep_progress(sending)
-        return sending, fragment
+        return sending, _aged(sending, fragment, now)
 
     def take_bulk(self, now: int) -> tuple[Sending, Fragment] | None:
         """Take the next fragment for the bulk service."""
@@ -387,7 +397,7 @@ class OutgoingObjects:
         )
         fragment = outgoing.take_bulk(pause_follows=pause_follows)
         self._keep_progress(sending)
-        return sending, fragment
+        return sending, _aged(sending, fragment, now)
 
     def bulk_reported(
         self,
@@ -702,3 +712,12 @@ class OutgoingObjects:
                 detail=detail,
             )
         )
+
+
+def _aged(sending: Sending, fragment: Fragment, now: int) -> Fragment:
+    """Return a fragment that goes now: the first one says how old the object is."""
+    if fragment.index or not sending.outgoing.manifest.has_age:
+        return fragment
+    made = instant_of(sending.made_at, now)
+    code = encode_age(None if made is None else now - made)
+    return msgspec.structs.replace(fragment, data=with_age(fragment.data, code))

@@ -14,6 +14,7 @@ import msgspec
 
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import LinkMetrics
+from zacoustic.core.base.moments import Moment, Moments
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.deliveries import SampleReceived
@@ -33,6 +34,9 @@ class _Sample(msgspec.Struct, frozen=True, array_like=True):
     deleted: bool
     encoding: str
     age_s: float | None
+    age_error_s: float | None = None
+    received: Moment | None = None
+    """When it had arrived, if it has an age."""
 
 
 class _Position(msgspec.Struct, frozen=True, array_like=True):
@@ -51,11 +55,13 @@ class Positions:
     Args:
         journal: Holds the positions.
         table: The streams.
+        moments: Find instants again after a restart.
     """
 
-    def __init__(self, journal: JournalPort, table: StreamTable) -> None:
+    def __init__(self, journal: JournalPort, table: StreamTable, moments: Moments) -> None:
         self._journal = journal
         self._table = table
+        self._moments = moments
 
     def write(
         self,
@@ -68,7 +74,7 @@ class Positions:
         position = _Position(lane.lineage, expected, lane.former)
         stream = self._table.get(key[1])
         if lane.pending and stream is not None:
-            pending = tuple(_encoded(stream, sample) for sample in lane.pending)
+            pending = tuple(self._encoded(stream, sample) for sample in lane.pending)
             position = msgspec.structs.replace(position, digest=stream.digest, pending=pending)
         self._journal.write(_name(key), msgspec.msgpack.encode(position), then)
 
@@ -91,22 +97,26 @@ class Positions:
             lane.former = position.former
             key = (int(source), int(stream_id), tuple(bytes.fromhex(instance)))
             if position.digest == stream.digest:
-                lane.pending = [
-                    sample
-                    for each in position.pending
-                    if (sample := _decoded(stream, key, each)) is not None
-                ]
+                for each in position.pending:
+                    sample = _decoded(stream, key, each)
+                    if sample is not None:
+                        lane.pending.append(sample)
+                        lane.pending_since.append(self._moments.restored(each.received))
             yield key, lane
+
+    # Below the methods above
+
+    def _encoded(self, stream: Stream, sample: SampleReceived) -> _Sample:
+        payload = b"" if sample.deleted else stream.codec.encode(sample.value)
+        received = None if sample.age_s is None else self._moments.keep(sample.received_at)
+        return _Sample(
+            payload, sample.deleted, sample.encoding, sample.age_s, sample.age_error_s, received
+        )
 
 
 def _name(key: LaneKey) -> str:
     source, stream_id, instance = key
     return f"{_JOURNAL}/{source}/{stream_id}/{bytes(instance).hex()}"
-
-
-def _encoded(stream: Stream, sample: SampleReceived) -> _Sample:
-    payload = b"" if sample.deleted else stream.codec.encode(sample.value)
-    return _Sample(payload, sample.deleted, sample.encoding, sample.age_s)
 
 
 def _decoded(stream: Stream, key: LaneKey, kept: _Sample) -> SampleReceived | None:
@@ -122,6 +132,7 @@ def _decoded(stream: Stream, key: LaneKey, kept: _Sample) -> SampleReceived | No
         deleted=kept.deleted,
         encoding=kept.encoding,
         age_s=kept.age_s,
+        age_error_s=kept.age_error_s,
         received_at=0,
         metrics=LinkMetrics(),
         again=True,

@@ -2,6 +2,7 @@
 
 from typing import Final
 
+from zacoustic.core.base.moments import Made
 from zacoustic.core.transport.deliveries import SampleReceived
 from zacoustic.core.transport.reliable.receiving.watch import Watch
 from zacoustic.core.wire.frame import Sync
@@ -26,6 +27,7 @@ class ReceiveLane:
         "large_end",
         "lineage",
         "pending",
+        "pending_since",
         "unheard",
         "watch",
     )
@@ -38,6 +40,8 @@ class ReceiveLane:
         """Everything before this number is journalled and may be acknowledged."""
         self.pending: list[SampleReceived] = []
         """Samples before `expected` that are being journalled and are delivered after that."""
+        self.pending_since: list[Made] = []
+        """When those that were found in the journal had arrived."""
         self.held: dict[int, SampleReceived] = {}
         """Samples that came too early, by number."""
         self.former: tuple[int, ...] = ()

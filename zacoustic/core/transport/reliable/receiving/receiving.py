@@ -6,6 +6,7 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.moments import instant_of
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
@@ -92,7 +93,7 @@ class ReliableReceiving:
         self._queue = context.queue
         self._pacers = context.pacers
         self._doubt = context.doubt
-        self._positions = Positions(context.journal, context.table)
+        self._positions = Positions(context.journal, context.table, context.moments)
         self._timers = context.timers
         self._rng = context.generators.of("receiving")
         self._emit = hand_on
@@ -113,9 +114,15 @@ class ReliableReceiving:
         """Deliver the samples that were about to be delivered before the restart."""
         for key in self._left:
             lane = self._lanes[key]
-            for sample in lane.pending:
+            for sample, since in zip(lane.pending, lane.pending_since, strict=True):
+                received_at = instant_of(since, now)
+                if received_at is None:  # how long it has lain in the journal is not known
+                    sample = msgspec.structs.replace(sample, age_s=None, age_error_s=None)
+                else:
+                    sample = msgspec.structs.replace(sample, received_at=received_at).aged(now)
                 self._emit(msgspec.structs.replace(sample, received_at=now), now)
             lane.pending.clear()
+            lane.pending_since.clear()
             self._positions.write(key, lane, lane.expected)
         self._left.clear()
 

@@ -98,6 +98,8 @@ class Pacing:
             is_answer = not lane.rhythm_is_known(sample) or 2 * round_trip_ns < _period_ns(lane)
             if is_answer:
                 self._measured(source, round_trip_ns, times)
+                if len(lane.receptions) == 1:  # of several, each waits for those before it
+                    self._pacers.answers(source, sample.sent_at, times.ack_linger_ns)
         if not times.is_delegated:
             return sample.order
         order = sample.order

@@ -9,6 +9,7 @@ import msgspec
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.journal import LIFE_KEY
 from zacoustic.core.base.linktypes import TransmitReport
+from zacoustic.core.base.moments import Made
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.qos import Durability
 from zacoustic.core.base.stats import Cause
@@ -65,6 +66,7 @@ class ReliableSending:
         self._timers = context.timers
         self._handshake = context.handshake
         self._outcomes = outcomes
+        self._moments = context.moments
         self._keeping = Keeping(context.journal, outcomes)
         self._pacers = context.pacers
         self._pacing = Pacing(
@@ -90,6 +92,7 @@ class ReliableSending:
             subscriptions,
             context.generators.of("lineages"),
             context.sizes.samples,
+            context.moments,
         )
         self.slots = LargeSlots(
             self._lanes,
@@ -135,14 +138,16 @@ class ReliableSending:
         payload: bytes,
         stamped: bool,
         queued_at: int,
+        made_at: Made,
         expires_at: int | None,
         delivery_id: int,
         now: int,
     ) -> None:
         """Publish a sample that `check` has accepted."""
         lane = self._lanes.of(stream, instance)
-        kept = JournalledSample(delivery_id, prefix, payload, stamped)
-        sample = lane.add(stream, kept, queued_at=queued_at, expires_at=expires_at)
+        made = self._moments.keep(made_at) if stamped else None
+        kept = JournalledSample(delivery_id, prefix, payload, stamped, made)
+        sample = lane.add(stream, kept, queued_at=queued_at, expires_at=expires_at, made_at=made_at)
         if lane.is_journalled:
             # Journal it before deleting what it displaces: the journal then always has one of the
             # two.

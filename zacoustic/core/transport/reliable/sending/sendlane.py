@@ -11,6 +11,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.moments import Made, Moment
 from zacoustic.core.base.sizes import SIZES, SampleNumbering
 from zacoustic.core.schedule.queue import LaneKey, Waiting
 from zacoustic.core.schedule.timing import FEW_RECEIVERS, LinkTimes
@@ -63,6 +64,8 @@ class JournalledSample(msgspec.Struct, frozen=True, array_like=True):
     prefix: bytes
     payload: bytes
     stamped: bool
+    made: Moment | None = None
+    """When it was made, if it is stamped and that is known."""
 
     @property
     def size_bytes(self) -> int:
@@ -274,7 +277,13 @@ class SendLane:
         return min(first, next(leaving, first))
 
     def add(
-        self, stream: Stream, kept: JournalledSample, *, queued_at: int, expires_at: int | None
+        self,
+        stream: Stream,
+        kept: JournalledSample,
+        *,
+        queued_at: int,
+        expires_at: int | None,
+        made_at: Made = None,
     ) -> Outgoing:
         """Add a sample with the next number."""
         number = self.next_number
@@ -288,6 +297,7 @@ class SendLane:
             stamped=kept.stamped,
             delimits_itself=stream.codec.delimits_itself or kept.prefix[:1] == _DELETE,
             queued_at=queued_at,
+            made_at=made_at,
         )
         sample = Outgoing(number, kept.delivery_id, waiting)
         sample.made_of = kept

@@ -3,6 +3,7 @@
 import random
 from collections.abc import Iterator
 
+from zacoustic.core.base.moments import Moments
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.sizes import SampleNumbering
 from zacoustic.core.peers.handshake import Handshake
@@ -27,6 +28,7 @@ class SendLanes:
         handshake: Knows the boot epoch.
         subscriptions: Knows the subscribers of on-demand topics.
         numbering: How samples are numbered.
+        moments: Find instants again after a restart.
         rng: Draws lineages in place of those that others have used.
     """
 
@@ -38,7 +40,9 @@ class SendLanes:
         subscriptions: Subscriptions,
         rng: random.Random,
         numbering: SampleNumbering,
+        moments: Moments,
     ) -> None:
+        self._moments = moments
         self._numbering = numbering
         self._address = address
         self._table = table
@@ -111,7 +115,9 @@ class SendLanes:
         lane.is_former = True
         for number, each in kept.samples:
             lane.next_number = number
-            lane.add(stream, each, queued_at=0, expires_at=None).stage = Stage.BEHIND
+            made_at = self._moments.restored(each.made)
+            sample = lane.add(stream, each, queued_at=0, expires_at=None, made_at=made_at)
+            sample.stage = Stage.BEHIND
         lane.next_number = lane.born = kept.next_number
         return lane
 

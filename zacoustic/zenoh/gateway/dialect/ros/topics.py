@@ -1,6 +1,5 @@
 """Topics of ROS 2: CDR and attachments, under the keys of rmw_zenoh."""
 
-import math
 import threading
 import time
 from collections.abc import Sequence
@@ -9,8 +8,11 @@ from typing import Final
 import zenoh
 
 from zacoustic.core.base.clock import Clock, seconds_to_ns
+from zacoustic.core.base.qos import Stamp
 from zacoustic.core.engine.events import SampleReceived
+from zacoustic.core.schedule.hosttime import EARLIEST_UTC_NS
 from zacoustic.core.streams.table import Stream
+from zacoustic.core.values.age import OLDEST_S
 from zacoustic.ros.attachment import Attachment, read_attachment
 from zacoustic.ros.names import RosKey
 from zacoustic.ros.streams import RosTopic
@@ -25,9 +27,8 @@ from zacoustic.zenoh.session.session import ZenohSession
 CDR: Final = "application/cdr"
 """Zenoh encoding of the messages; ROS ignores it."""
 
-# A higher age comes from a clock that was never set, or from a simulation.
-_OLDEST_NS: Final = 3600 * 1_000_000_000
 _AHEAD_NS: Final = 1_000_000_000
+"""A stamp may be ahead by this much: the clocks of two computers differ."""
 
 
 class Teller:
@@ -45,16 +46,16 @@ class Teller:
         self._sequence = 0
         self._guard = threading.Lock()
 
-    def attachment(self, age_s: float | None = None) -> bytes:
-        """Return the attachment of the next message, which was made `age_s` ago."""
+    def attachment(self, age_s: float | None = 0.0) -> bytes:
+        """Return the attachment of the next message, which was made `age_s` ago; None: unknown.
+
+        Of unknown age it has the time stamp 0, as ROS has it for what it does not know.
+        """
         with self._guard:
             self._sequence += 1
             sequence = self._sequence
-        is_known = age_s is not None and math.isfinite(age_s)
-        ago_ns = seconds_to_ns(age_s) if age_s is not None and is_known else 0
-        return Attachment(
-            sequence=sequence, stamp_ns=self._wall_clock() - ago_ns, gid=self._gid
-        ).encode()
+        stamp_ns = 0 if age_s is None else self._wall_clock() - seconds_to_ns(age_s)
+        return Attachment(sequence=sequence, stamp_ns=stamp_ns, gid=self._gid).encode()
 
 
 class RosTopicDialect(TopicDialect):
@@ -123,22 +124,46 @@ class RosTopicDialect(TopicDialect):
         return self._graph.has_gone(publisher)
 
     def read(self, parcel: Parcel) -> Reading:
-        """Read CDR; if the stamp becomes an age, it gives the sample its age."""
+        """Read CDR; if the stamp becomes an age, it gives the sample its age.
+
+        What this computer's clock cannot have shown tells no age: a stamp of zero, and one of
+        another clock, such as that of a simulation. It crosses as unknown. But a message that is
+        stamped ahead was made as it came, whatever its clock.
+        """
         value, stamp_ns = self._topic.message.read(parcel.payload)
-        age_ns = None
-        if stamp_ns is not None:
-            age_ns = self._wall_clock() - stamp_ns
-            if not -_AHEAD_NS <= age_ns <= _OLDEST_NS:
-                text = f"header.stamp is {age_ns / 1e9:.0f} s old by the clock of this computer"
-                self._input_errors.add(self.stream.name, "stamp", text)
-                age_ns = None
-        return Reading(value=value, age_ns=None if age_ns is None else max(age_ns, 0))
+        if stamp_ns is None:
+            return Reading(value=value)
+        if stamp_ns == 0:
+            return Reading(value=value, is_dated=False)
+        age_ns = self._wall_clock() - stamp_ns
+        if stamp_ns < EARLIEST_UTC_NS:
+            self._warn(
+                f"header.stamp is {stamp_ns / 1e9:.0f} s since 1970, which is not by the clock of "
+                "this computer: the age crosses as unknown"
+            )
+            return Reading(value=value, is_dated=False)
+        if age_ns < -_AHEAD_NS:
+            self._warn(
+                f"header.stamp is {-age_ns / 1e9:.0f} s ahead of the clock of this computer: the "
+                "message counts as made when it came"
+            )
+            return Reading(value=value)
+        if age_ns > seconds_to_ns(OLDEST_S):
+            self._warn(f"header.stamp is {age_ns / 86_400e9:.0f} days old: it crosses as 30 days")
+        return Reading(value=value, age_ns=max(age_ns, 0))
 
     def write(self, key: str, event: SampleReceived) -> Written:
         """Write CDR; an age becomes a stamp by the clock of this computer."""
-        age_s, stamp_ns = event.age_s, None
-        if age_s is not None and math.isfinite(age_s):
-            stamp_ns = self._wall_clock() - seconds_to_ns(age_s)
+        age_s: float | None = 0.0  # on a topic without ages its source is the gateway, now
+        stamp_ns: int | None = None
+        if self.stream.qos.stamp is Stamp.AGE:
+            age_s = event.age_s
+            if age_s is None:
+                self._warn(f"node {event.source} does not know a sample's age: header.stamp is 0")
+            else:
+                stamp_ns = self._wall_clock() - seconds_to_ns(age_s)
+                if age_s >= OLDEST_S:
+                    self._warn("a sample is at least 30 days old: header.stamp says 30 days")
         payload = self._topic.message.write(event.value, stamp_ns)
         teller = self._teller(self.stream_key(key))
         return Written(payload=payload, encoding=CDR, attachment=teller.attachment(age_s))
@@ -149,7 +174,8 @@ class RosTopicDialect(TopicDialect):
 
     def mark_again(self, last: LastValue) -> bytes:
         """Return an attachment of the publisher's current token."""
-        return self._teller(self.stream_key(last.key)).attachment(last.age_s)
+        age_s = last.age_s if self.stream.qos.stamp is Stamp.AGE else 0.0
+        return self._teller(self.stream_key(last.key)).attachment(age_s)
 
     def delete(self, key: str, source: int) -> None:
         """Drop the samples for late joiners; ROS has no deletes to report to present ones."""
@@ -180,6 +206,9 @@ class RosTopicDialect(TopicDialect):
             self._graph.expect(self.stream.name, self.ros_key(name), self._topic.qos)
 
     # Below the methods above
+
+    def _warn(self, text: str) -> None:
+        self._input_errors.add(self.stream.name, "stamp", text)
 
     def _names(self, sources: Sequence[int]) -> list[str]:
         keys = self.stream.keys

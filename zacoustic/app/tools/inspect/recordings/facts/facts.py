@@ -55,7 +55,7 @@ class Arrived(msgspec.Struct, kw_only=True):
     value: Any = None
     """The value in plain parts."""
     age_s: float | None = None
-    """Its age when its frame was composed, s."""
+    """Its age as it arrived, s."""
 
 
 class Asked(msgspec.Struct, kw_only=True):

@@ -52,7 +52,7 @@ class StreamFigures(msgspec.Struct, kw_only=True):
     latency_s: Spread | None = None
     """From publication to arrival, from call or goal to its end, s."""
     age_s: Spread | None = None
-    """Age of samples when their frames were composed, s, if they are stamped."""
+    """Age of samples as they arrived, s, if they are stamped."""
     outcomes: dict[str, int] = {}
     """Outcomes of reliable samples, as reported to their publishers."""
     transmitted_bytes: int = 0
@@ -157,7 +157,7 @@ def _streams(facts: Facts) -> list[StreamFigures]:
     for arrived in facts.arrived:
         if arrived.stream_id in found:
             found[arrived.stream_id].arrived += 1
-            if arrived.age_s is not None and arrived.age_s < float("inf"):
+            if arrived.age_s is not None:
                 ages.setdefault(arrived.stream_id, []).append(arrived.age_s)
     for asked in facts.asked:
         figures = found[asked.stream_id]
