@@ -185,10 +185,11 @@ def test_keys_that_no_wildcard_covers_are_heard_by_name(tmp_path: Path) -> None:
         thread.start()
         keys = ["--key", "**", "--key", "auv1/@cam/**"]
         words = ["config", "init", "--connect", endpoint, "--listen-s", "0.4", *keys]
-        code = main([*words, "--output", str(path)])
-        ended.set()
-        thread.join()
-    assert code == 0
+        try:
+            assert main([*words, "--output", str(path)]) == 0
+        finally:
+            ended.set()
+            thread.join()
     text = path.read_text(encoding="utf-8")
     assert 'topic: "auv1/@cam/state"' in text
     assert 'topic: "auv1/mode"' in text
