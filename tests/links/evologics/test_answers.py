@@ -117,7 +117,9 @@ def test_answer_comes_through_both_framings_as_one_text(
     name = None if framing is Framing.LINES else command_name(command)
     received = AtDecoder(framing).feed(encode_message(Reply(text, name), framing))
     texts = [collector.add(each) for each in received if isinstance(each, Reply)]
-    assert [each for each in texts if each is not None] == [text]
+    # Where lines are read, their ends are all the same.
+    whole = text.replace("\r\n", "\n") if framing is Framing.LINES else text
+    assert [each for each in texts if each is not None] == [whole]
     assert texts[-1] == text
 
 
