@@ -58,7 +58,7 @@ def test_its_messages_are_samples_of_the_topic(tmp_path: Path) -> None:
 
 
 def test_what_cannot_be_read_is_said_why(tmp_path: Path) -> None:
-    config = read_fleet(fleet(tmp_path))
+    config = read_fleet(fleet(tmp_path, topic="auv1/fix"))
     with pytest.raises(ConfigError, match="20 messages: CDR, and the topic has no `ros`"):
         read_recordings(
             [str(bag(tmp_path))], config.table, only_dense=False, window_s=10.0, ros=config.ros

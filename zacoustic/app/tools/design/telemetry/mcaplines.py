@@ -56,9 +56,7 @@ def read_mcap(path: str) -> Iterator[Line]:
 
 def _place(message: ReadMessage) -> _Place | None:
     """Return the place of a message's value; None: it is no value."""
-    if message.encoding == _CDR:
-        return _Place(message.topic.lstrip("/"), (0, 0))
-    if message.encoding != "json":
+    if message.encoding not in ("json", _CDR):
         return None
     ours = _OURS.fullmatch(message.topic)
     if ours is not None:
