@@ -239,8 +239,11 @@ def _interfaces(
     seen |= {interface_of(token.type): token.hash for token in tokens if token.hash}
     if NO_HASH in seen.values():
         return Interfaces("humble", packages)
-    best, most = Interfaces(_USUAL_DISTRO, packages), -1
-    for distro in (_USUAL_DISTRO, *reversed(distros())):
+    best = Interfaces(_USUAL_DISTRO, packages)
+    most = sum(_has(best, name, digest) for name, digest in seen.items())
+    for distro in reversed(distros()):
+        if most == len(seen):
+            break
         candidate = Interfaces(distro, packages)
         alike = sum(_has(candidate, name, digest) for name, digest in seen.items())
         if alike > most:
