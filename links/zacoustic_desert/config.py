@@ -53,9 +53,7 @@ class DesertConfig(LinkConfig, frozen=True, kw_only=True):
         Raises:
             ValueError: A value outside its range.
         """
-        least = _LEAST_NATIVE_BYTES
-        if self.framing == "rmw_desert":
-            least = _LEAST_PAYLOAD_BYTES + OVERHEAD_BYTES
+        least = self.least_read_length
         if not least <= self.max_read_length <= READ_LIMIT_BYTES:
             raise ValueError(
                 f"max_read_length is {self.max_read_length}; allowed: {least}..{READ_LIMIT_BYTES}"
@@ -67,6 +65,12 @@ class DesertConfig(LinkConfig, frozen=True, kw_only=True):
                 raise ValueError(f"{name} is {value:g}; allowed: 0..{_LONGEST_S:g}")
         if not 0 < self.bit_rate_bps < math.inf:
             raise ValueError(f"bit_rate_bps is {self.bit_rate_bps:g}; allowed: above 0")
+
+    @property
+    def least_read_length(self) -> int:
+        """Least `max_read_length`, bytes."""
+        is_native = self.framing == "native"
+        return _LEAST_NATIVE_BYTES if is_native else _LEAST_PAYLOAD_BYTES + OVERHEAD_BYTES
 
     def capabilities(self) -> LinkCapabilities:
         """The capabilities of the link."""

@@ -14,9 +14,11 @@ What the link can know about the other side:
   arrives, and written bytes are sent when the other client leaves. That looks like a silent sea.
   After `SUSPECT_FRAMES` frames without a reception on a connection, the detail of the state names
   the suspicion; when DESERT has not read until the buffers are full, the link reconnects.
-  says so; when DESERT has not read until the buffers are full, the connection is given up.
+- Another program may listen there. DESERT says nothing but frames: whatever answers in lines of
+  text, or in many bytes without a delimiter, is named, and the link is down.
 """
 
+import asyncio
 import time
 from collections.abc import Mapping
 from typing import Any, Final, Self
@@ -26,15 +28,17 @@ from zacoustic.core.clock import Clock, ns_to_seconds
 from zacoustic.core.linktypes import (
     BROADCAST,
     LinkState,
+    Measurement,
     ReceivedFrame,
     Transmission,
     TransmitOutcome,
+    TransmitReport,
 )
 from zacoustic.core.values.rmw_desert.packets import PacketDecoder, encode_packet
 from zacoustic.errors import ConfigError, LinkClosedError, LinkOpenError
 from zacoustic.link import Finding, Link, LinkConfig, LinkReceiver
 from zacoustic.link.alarm import Alarm
-from zacoustic_desert.config import DesertConfig
+from zacoustic_desert.config import READ_LIMIT_BYTES, DesertConfig
 from zacoustic_desert.pacing import Pacer
 
 LAST_DELAY_S: Final = 2.0
@@ -48,8 +52,15 @@ ANSWER_FRAMES: Final = 2
 receiver waits for another sample, and then transmits its answer."""
 DELIMITER: Final = b"\0"
 """The core puts this before and after each frame."""
+_FOREIGN_BYTES: Final = 4096
+"""So many bytes without a delimiter are no frames of whatever read length."""
+_FOREIGN_WAIT_S: Final = 1.0
+"""Time in which a program that is not DESERT greets, s."""
+_SHOWN_BYTES: Final = 40
 SUSPECT_FRAMES: Final = 20
 """Frames sent without a reception, after which a connection is suspected to be deaf."""
+
+_TEXT: Final = frozenset(range(0x20, 0x7F)) | {*b"\t\r\n"}
 
 # Silence after which a packet of rmw_desert is given up, in frames of full size: one of 512 bytes
 # comes in up to nine packets.
@@ -58,6 +69,25 @@ _PATIENCE_FRAMES: Final = 4
 
 _MEASURED_PARTS: Final = 1.05
 """A measured round trip is a smoothed one: it may be a little longer than the longest."""
+
+
+class _Greeted:
+    """Takes what a link says while somebody looks whether it is DESERT."""
+
+    def frame_received(self, frame: ReceivedFrame) -> None:
+        """Ignore it."""
+
+    def transmit_finished(self, report: TransmitReport) -> None:
+        """Ignore it."""
+
+    def state_changed(self, state: LinkState, detail: str = "") -> None:
+        """Ignore it."""
+
+    def carrier_changed(self, busy: bool) -> None:
+        """Ignore it."""
+
+    def measured(self, measurement: Measurement) -> None:
+        """Ignore it."""
 
 
 class DesertLink(Link):
@@ -110,6 +140,9 @@ class DesertLink(Link):
         self._pieces = 0
         self._cut_pieces = 0
         self._cut_after_bytes = 0
+        # Bytes of this connection before the first delimiter, and what they say if they are text.
+        self._undelimited = 0
+        self._foreign = ""
 
     @classmethod
     def from_locator(cls, address: str, config: LinkConfig, *, node_address: int) -> Self:
@@ -178,6 +211,7 @@ class DesertLink(Link):
             "bytes_read": self._stream.bytes_read,
             "bytes_written": self._stream.bytes_written,
             "connections": self._stream.connections,
+            "foreign": self._foreign,
             "state": self._state.value,
             "detail": self._detail,
         }
@@ -199,9 +233,14 @@ class DesertLink(Link):
                     "--connect",
                 )
             ]
+        watcher = _Greeted()
         found = await super().examine(patience_s)
         if not found:
-            return []
+            # What is not DESERT often says so at once.
+            await self.open(watcher)
+            await asyncio.sleep(min(patience_s, _FOREIGN_WAIT_S))
+            await self.close()
+            return [self._not_desert(self._foreign)] if self._foreign else []
         return [
             Finding(
                 what=f"DESERT does not answer at {self._address}: {self._stream_reason}",
@@ -213,7 +252,10 @@ class DesertLink(Link):
 
     def assess(self, health: Mapping[str, Any]) -> list[Finding]:
         """Check whether whole frames arrive, and answers about as soon as the settings say."""
-        unheard = health.get("link", {}).get("diagnostics", {}).get("frames_unheard", 0)
+        readings = health.get("link", {}).get("diagnostics", {})
+        if foreign := readings.get("foreign"):
+            return [self._not_desert(foreign)]
+        unheard = readings.get("frames_unheard", 0)
         if unheard >= SUSPECT_FRAMES:
             return [self._deaf(unheard)]
         return [*self._assess_pieces(health), *self._assess_answers(health)]
@@ -249,6 +291,11 @@ class DesertLink(Link):
         if cut < LEAST_CUT_PIECES or cut < pieces * LEAST_CUT_SHARE:
             return []
         read_bytes = readings.get("cut_after_bytes")
+        least = self._config.least_read_length
+        if not isinstance(read_bytes, int) or not least <= read_bytes <= READ_LIMIT_BYTES:
+            return [
+                self._not_desert(f"pieces of {read_bytes} bytes, and DESERT reads {least} or more")
+            ]
         return [
             Finding(
                 what=f"frames come in pieces: {cut} of {pieces} packets hold a part of one; "
@@ -260,6 +307,13 @@ class DesertLink(Link):
                 "max_read_length in DESERT's script",
             )
         ]
+
+    def _not_desert(self, says: str) -> Finding:
+        return Finding(
+            what=f"what answers at {self._address} is not DESERT: {says}",
+            why="nothing of it crosses, and nothing comes",
+            cure="compare the port in the locator with Socket_Port_ in DESERT's script",
+        )
 
     def _deaf(self, frames: int) -> Finding:
         """Return the finding for a connection without a reception."""
@@ -276,6 +330,7 @@ class DesertLink(Link):
         """Note a connection, accepted by DESERT or only by its kernel; called by the stream."""
         self._unheard = 0
         self._is_heard = False
+        self._undelimited = 0
         if self._decoder is not None:
             self._discarded_before += self._decoder.discarded_bytes
             self._decoder = PacketDecoder()
@@ -284,6 +339,8 @@ class DesertLink(Link):
 
     def bytes_received(self, data: bytes, received_at: int) -> None:
         """Pass on received bytes; called by the stream."""
+        if self._decoder is None and self._is_foreign(data):
+            return
         self._is_heard = True
         if self._state is LinkState.UP:
             self._change_state(LinkState.UP, self._connected())
@@ -299,6 +356,25 @@ class DesertLink(Link):
         # Each piece gives the packet in the decoder new time.
         self._flush_at = received_at + self._patience_ns if self._decoder.is_waiting else None
         self._arm()
+
+    def _is_foreign(self, data: bytes) -> bool:
+        """Tell whether no frame begins here, and give the connection up; DESERT says only frames.
+
+        A frame has no lines of text before its first delimiter, and a piece of one has an end soon.
+        """
+        if self._undelimited < 0 or DELIMITER in data:
+            self._undelimited, self._foreign = -1, ""
+            return False
+        self._undelimited += len(data)
+        is_text = b"\n" in data and all(each in _TEXT for each in data)
+        if not is_text and self._undelimited < _FOREIGN_BYTES:
+            return False
+        shown = data[:_SHOWN_BYTES].split(b"\n")[0].decode("ascii", "replace").strip()
+        self._foreign = f"it says {shown!r}" if is_text else "it sends bytes that are no frames"
+        reason = f"what answers there is not DESERT: {self._foreign}"
+        self._go_down(reason)
+        self._stream.reset(reason)
+        return True
 
     def _count_piece(self, data: bytes, begins: bool, ends: bool) -> None:
         """Count a piece, and whether it was shorter than a frame."""

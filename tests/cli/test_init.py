@@ -130,6 +130,71 @@ def test_arguments_that_contradict_are_refused(
     assert error in capsys.readouterr().err
 
 
+@contextlib.contextmanager
+def peers() -> Iterator[str]:
+    """Two peers that know each other, without a router; gives the endpoint of the silent one."""
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+
+    def peer(**more: object) -> zenoh.Config:
+        scouting = {"multicast": {"enabled": False}}
+        return zenoh.Config.from_json5(json.dumps({"mode": "peer", "scouting": scouting, **more}))
+
+    here = {"endpoints": ["tcp/127.0.0.1:0"]}
+    ended = threading.Event()
+    with (
+        zenoh.open(peer(listen={"endpoints": [endpoint]})),
+        zenoh.open(peer(listen=here, connect={"endpoints": [endpoint]})) as session,
+    ):
+        thread = threading.Thread(target=publish, args=(session, ended))
+        thread.start()
+        try:
+            yield endpoint
+        finally:
+            ended.set()
+            thread.join()
+
+
+def test_peers_without_a_router_are_listened_to_and_joined_as_a_peer(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "first.json5"
+    with peers() as endpoint:
+        words = ["config", "init", "--connect", endpoint, "--listen-s", "1.5"]
+        assert main([*words, "--output", str(path)]) == 0
+    text = path.read_text(encoding="utf-8")
+    assert 'mode: "peer"' in text
+    assert f'connect: {{ endpoints: ["{endpoint}"] }}' in text
+    assert 'topic: "auv1/nav"' in text
+    assert main(["config", "check", str(path)]) == 0
+
+
+def test_keys_that_no_wildcard_covers_are_heard_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "first.json5"
+    settings = {"mode": "router", "scouting": {"multicast": {"enabled": False}}}
+    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
+    config = zenoh.Config.from_json5(json.dumps(settings | {"listen": {"endpoints": [endpoint]}}))
+    ended = threading.Event()
+
+    def speak(session: zenoh.Session) -> None:
+        while not ended.wait(0.02):
+            session.put("auv1/@cam/state", "on")
+            session.put("auv1/mode", "dive")
+
+    with zenoh.open(config) as session:
+        thread = threading.Thread(target=speak, args=(session,))
+        thread.start()
+        keys = ["--key", "**", "--key", "auv1/@cam/**"]
+        words = ["config", "init", "--connect", endpoint, "--listen-s", "0.4", *keys]
+        try:
+            assert main([*words, "--output", str(path)]) == 0
+        finally:
+            ended.set()
+            thread.join()
+    text = path.read_text(encoding="utf-8")
+    assert 'topic: "auv1/@cam/state"' in text
+    assert 'topic: "auv1/mode"' in text
+
+
 def test_json_tells_what_was_seen_and_the_file(capsys: pytest.CaptureFixture[str]) -> None:
     with network(adminspace=False) as endpoint:
         code = main(

@@ -26,7 +26,7 @@ from zacoustic.errors import (
     ServiceError,
 )
 from zacoustic.mavlink.commands import Answer
-from zacoustic.mavlink.dialect import Message
+from zacoustic.mavlink.dialect import Message, PacketCodec
 from zacoustic.mavlink.outputs import Send
 from zacoustic.mavlink.shore import answer_of_error
 from zacoustic.mavlink.station import StationSide
@@ -289,7 +289,7 @@ def test_the_time_of_the_vehicle_is_that_of_the_report_with_the_least_delay() ->
 def test_a_refused_mission_item_is_refused_as_one() -> None:
     side = heard_side()
     side.handle_message(of_ground(item(22)), 0)
-    assert [each.name for each in Done(side).sent] == ["MISSION_ACK"]
+    assert [each.name for each in Done(side).sent] == ["STATUSTEXT", "MISSION_ACK"]
 
 
 def test_a_command_carries_the_time_of_the_vehicle_and_each_a_later_one() -> None:
@@ -348,3 +348,93 @@ def test_a_call_that_fails_says_whether_the_command_may_have_been_executed() -> 
         (PayloadInvalidError("a: b"), 2),
     ):
         assert answer_of_error(error).code == code
+
+
+def texts(done: Done) -> list[str]:
+    sent = [each.fields["text"] for each in done.sent if each.name == "STATUSTEXT"]
+    return [text.decode() for text in sent]
+
+
+def test_a_refusal_on_shore_says_why_to_the_station_too() -> None:
+    side = heard_side()
+    side.handle_message(of_ground(command_long(400, 3)), SECOND)
+    done = Done(side)
+    assert texts(done) == ["command 400: denied, param1 3; allowed: 0, 1"]
+    assert [each.name for each in done.sent] == ["STATUSTEXT", "COMMAND_ACK"]
+
+
+def test_what_is_polled_is_answered_each_time_and_told_once_in_a_minute() -> None:
+    side, sent, events = heard_side(), [], []
+    for second in range(1, 121):
+        side.handle_message(of_ground(command_long(512, 148)), second * SECOND)
+        done = Done(side)
+        sent += [each.name for each in done.sent]
+        events += done.events
+    assert sent.count("COMMAND_ACK") == 120
+    assert sent.count("STATUSTEXT") == 2
+    assert events.count("refused") == 2
+
+
+TARGET = {"target_system": VEHICLE, "target_component": 1}
+FTP = [1, 0, 7, 4, 4, 0, 0, 0, 9, 0, 0, 0, *b"abcd"]
+
+
+@pytest.mark.parametrize(
+    ("message", "answer"),
+    [
+        (Message("MISSION_COUNT", {**TARGET, "count": 9, "mission_type": 0}), "MISSION_ACK"),
+        (Message("MISSION_REQUEST_LIST", {**TARGET, "mission_type": 1}), "MISSION_ACK"),
+        (Message("MISSION_CLEAR_ALL", {**TARGET, "mission_type": 0}), "MISSION_ACK"),
+        (item(16, current=0), "MISSION_ACK"),
+        (Message("PARAM_REQUEST_LIST", TARGET), None),
+        (Message("PARAM_REQUEST_READ", {**TARGET, "param_id": "X", "param_index": -1}), None),
+        (Message("FILE_TRANSFER_PROTOCOL", {**TARGET, "payload": FTP}), "FILE_TRANSFER_PROTOCOL"),
+        (Message("LOG_REQUEST_LIST", {**TARGET, "start": 0, "end": 9}), None),
+        (Message("MANUAL_CONTROL", {"target": VEHICLE, "x": 1, "y": 0, "z": 0}), None),
+    ],
+)
+def test_what_does_not_cross_is_answered_on_shore_at_no_byte(
+    message: Message, answer: str | None
+) -> None:
+    side = heard_side()
+    for second in (1, 2, 3):
+        side.handle_message(of_ground(message), second * SECOND)
+    done = Done(side)
+    assert (done.calls, done.published) == ([], [])
+    assert [f"{message.name}: unsupported (" in text for text in texts(done)] == [True]
+    answers = [each for each in done.sent if each.name != "STATUSTEXT"]
+    assert [each.name for each in answers] == ([answer] * 3 if answer else [])
+    if answer == "MISSION_ACK":
+        assert answers[0].fields["type"] == 3
+        assert answers[0].fields["mission_type"] == message.fields.get("mission_type", 0)
+    if answer == "FILE_TRANSFER_PROTOCOL":
+        payload = answers[0].fields["payload"]
+        assert payload[:13] == [2, 0, 7, 129, 1, 4, 0, 0, 9, 0, 0, 0, 7]
+        assert len(payload) == 251
+    for each in answers:
+        PacketCodec().pack(each, system=VEHICLE, component=1)
+
+
+def test_what_is_of_another_system_or_component_is_left_alone() -> None:
+    side = heard_side()
+    for target in ({**TARGET, "target_system": VEHICLE + 1}, {**TARGET, "target_component": 100}):
+        side.handle_message(of_ground(Message("PARAM_REQUEST_LIST", target)), SECOND)
+    assert Done(side).sent == []
+
+
+def test_a_report_is_shown_as_instruments_where_that_is_wanted() -> None:
+    side = new_side(has_instruments=True)
+    side.handle_telemetry(sample(), 0.0, 0)
+    sent = {each.name: each.fields for each in Done(side).sent}
+    position, hud = sent["GLOBAL_POSITION_INT"], sent["VFR_HUD"]
+    assert (position["lat"], position["lon"]) == (-378_123_450, 1_449_631_230)
+    assert (position["alt"], position["hdg"], position["vz"]) == (-21_000, 9000, 20)
+    assert (hud["heading"], hud["throttle"]) == (90, 33)
+    assert sent["SYS_STATUS"]["battery_remaining"] == 87
+    assert sent["SYS_STATUS"]["voltage_battery"] == 65535
+    for name in ("GLOBAL_POSITION_INT", "VFR_HUD", "SYS_STATUS"):
+        PacketCodec().pack(Message(name, sent[name]), system=VEHICLE, component=1)
+    side.handle_telemetry(sample(latitude=2**31 - 1, battery=-1), 0.0, SECOND)
+    sent = {each.name: each.fields for each in Done(side).sent}
+    assert "GLOBAL_POSITION_INT" not in sent
+    assert sent["SYS_STATUS"]["battery_remaining"] == -1

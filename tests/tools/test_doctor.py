@@ -1,6 +1,7 @@
 """`zacoustic config doctor`: each fault is made for real and named; healthy set-ups stay silent."""
 
 import asyncio
+import contextlib
 import json
 import random
 import re
@@ -33,9 +34,12 @@ from tests.tools.ward import (
 )
 from zacoustic.app.cli import main
 from zacoustic.app.tools.field.doctor.host import check_clock, kernel_synchronised
+from zacoustic.app.tools.field.doctor.network import Running, look
+from zacoustic.app.tools.field.doctor.rosnodes import judge_nodes
 from zacoustic.bytestream import ByteStream
 from zacoustic.config import read_config
 from zacoustic.link import registry
+from zacoustic.link.contract import Finding
 from zacoustic.testing.linkpair import RecordingReceiver
 from zacoustic_desert.channel import SampleChannel
 from zacoustic_desert.link import DesertLink
@@ -289,6 +293,105 @@ def test_desert_that_is_not_started(tmp_path: Path) -> None:
         path = write(tmp_path, links=link(f"desert/127.0.0.1:{free_port()}"))
         told = await problem(path, "--patience", "0.5")
         assert "DESERT does not answer at 127.0.0.1" in told.text
+
+    run(main())
+
+
+def test_a_port_that_is_not_deserts(tmp_path: Path) -> None:
+    """Its link was up, and the doctor advised a read length that the file refuses."""
+
+    async def main() -> None:
+        async def greet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            writer.write(b"SSH-2.0-OpenSSH_9.2p1\r\n")
+            with contextlib.suppress(OSError):
+                await reader.read()
+            writer.close()
+
+        server = await asyncio.start_server(greet, "127.0.0.1", 0)
+        async with server:
+            port = server.sockets[0].getsockname()[1]
+            path = write(tmp_path, links=link(f"desert/127.0.0.1:{port}"))
+            told = await problem(path, "--patience", "3")
+        assert "is not DESERT: it says 'SSH-2.0-OpenSSH_9.2p1'" in told.text
+        assert "max_read_length" not in told.text
+
+    run(main())
+
+
+def test_no_read_length_is_advised_that_the_file_refuses() -> None:
+    readings = {"pieces": 40, "pieces_cut": 30, "cut_after_bytes": 3, "frames_unheard": 0}
+    (found,) = DesertLink("127.0.0.1:4000").assess({"link": {"diagnostics": readings}})
+    assert "is not DESERT: pieces of 3 bytes" in found.what
+    (found,) = DesertLink("127.0.0.1:4000").assess(
+        {"link": {"diagnostics": {**readings, "cut_after_bytes": 32}}}
+    )
+    assert "max_read_length=32" in found.cure
+
+
+ROS_TOKEN = "@ros2_lv/{}/ab12/0/1/MP/%/%auv1/{}/%auv1%leak/{}::msg::dds_::{}_/{}/::,10:,:,:,,"
+BOOL_HASH = "RIHS01_feb91e995ff9ebd09c0cb3d2aed18b11077585839fb5db80193b62d74528f6c9"
+LEAK = [{"id": 1, "topic": "/auv1/leak", "type": "std_msgs/msg/Bool", "ros": {}}]
+
+
+def nodes_found(
+    folder: Path, *tokens: str, unmet: tuple[str, ...] = (), distro: str = "jazzy"
+) -> list[Finding]:
+    path = write(folder, streams=LEAK, ros={"distro": distro, "domain": 0})
+    running = Running(is_joined=True, tokens=tokens, unmet=unmet)
+    return list(judge_nodes(read_config(path), running))
+
+
+def test_nodes_of_ros_that_hear_the_gateway(tmp_path: Path) -> None:
+    right = ROS_TOKEN.format(0, "vehicle", "std_msgs", "Bool", BOOL_HASH)
+    own = ROS_TOKEN.format(5, "acoustic_gateway_1", "std_msgs", "Bool", BOOL_HASH)
+    other = ROS_TOKEN.format(7, "of_others", "std_msgs", "Bool", BOOL_HASH)
+    assert nodes_found(tmp_path, right, own, other) == []
+    assert nodes_found(tmp_path, own) == []
+    assert nodes_found(tmp_path, own, unmet=(own,)) == []
+
+
+@pytest.mark.parametrize(
+    ("token", "distro", "what"),
+    [
+        ((5, "vehicle", "std_msgs", "Bool", BOOL_HASH), "jazzy", "domain 0; here they are in 5"),
+        ((0, "vehicle", "std_msgs", "Int8", "RIHS01_" + "0" * 64), "jazzy", "is std_msgs/msg/Int8"),
+        ((0, "vehicle", "std_msgs", "Bool", "RIHS01_" + "0" * 64), "jazzy", "another definition"),
+        ((0, "vehicle", "std_msgs", "Bool", "TypeHashNotSupported"), "jazzy", "are of Humble"),
+        ((0, "vehicle", "std_msgs", "Bool", BOOL_HASH), "humble", "a later distribution"),
+    ],
+)
+def test_nodes_of_ros_that_never_hear_the_gateway(
+    token: tuple[object, ...], distro: str, what: str, tmp_path: Path
+) -> None:
+    (found,) = nodes_found(tmp_path, ROS_TOKEN.format(*token), distro=distro)
+    assert what in found.what
+    assert "/auv1/vehicle" in found.what
+
+
+def test_a_peer_without_gossip_beside_a_router_of_peers(tmp_path: Path) -> None:
+    """As rmw_zenohd is set: it brokers nothing between peers, and they meet by its gossip."""
+
+    async def main() -> None:
+        port = free_port()
+        brokering = {"router": {"peers_failover_brokering": False}}
+        settings = json.loads(zenoh_settings("router", listen=port)) | {"routing": brokering}
+        here = {"endpoints": ["tcp/127.0.0.1:0"]}
+        token = ROS_TOKEN.format(0, "vehicle", "std_msgs", "Bool", BOOL_HASH)
+        peer = json.loads(zenoh_settings("peer", connect=port)) | {"listen": here}
+        with (
+            zenoh.open(zenoh.Config.from_json5(json.dumps(settings))),
+            zenoh.open(zenoh.Config.from_json5(json.dumps(peer))) as node,
+        ):
+            kept = node.liveliness().declare_token(token)
+            for is_gossiping in (True, False):
+                scouting = {"multicast": {"enabled": False}, "gossip": {"enabled": is_gossiping}}
+                path = write(tmp_path, zenoh=json.dumps(peer | {"scouting": scouting}))
+                running, _ = await look(read_config(path), ())
+                found = list(judge_nodes(read_config(path), running))
+                assert [each.what for each in found if "gossip" in each.what] == (
+                    [] if is_gossiping else [found[0].what]
+                )
+            del kept
 
     run(main())
 

@@ -217,6 +217,101 @@ def test_what_has_no_type_is_said_so(value: object) -> None:
         infer_type("T", [value])
 
 
+def test_what_stayed_zero_says_nothing_of_a_step() -> None:
+    """A step of 1, from the decimals of zeros, would round all that comes later away."""
+    for values in ([0.0, 0.0], [5.0, 5.0], [0.0, 1.0, 2.0]):
+        found = fields(*({"q": value} for value in values))["q"]
+        assert found.get("step", 0) <= 0.002
+    tiny = fields({"q": 0.0}, {"q": 5e-324})["q"]
+    assert tiny == {"name": "q", "type": "float64"}
+    far = fields(*({"q": value} for value in (1.23456789, 1.3456789, 1.4567891, 1e6)))["q"]
+    assert far["step"] <= 0.02
+
+
+def test_a_list_of_as_many_texts_is_a_fixed_list() -> None:
+    """As MAVLink texts are in JSON: fifty letters."""
+    found = fields({"t": [*"abc"]}, {"t": ["d", "e", "\x00"]})["t"]
+    assert found == {"name": "t", "type": "string", "length": 3, "max_length": 4}
+    with pytest.raises(NoTypeError):
+        infer_type("T", [{"t": ["a"]}, {"t": ["a", "b"]}])
+
+
+def dvl(n: int) -> dict[str, Any]:
+    beams = [{"id": k, "velocity": 0.01 * k, "distance": 8.0 + n % 3} for k in range(4)]
+    return {"vx": 0.5 + 0.01 * n, "covariance": [[1e-7 * n] * 3] * 3, "transducers": beams * 4}
+
+
+def test_a_device_with_lists_of_lists_leaves_room_to_its_neighbours() -> None:
+    """Its payload has no type, so it crosses in parts, five times a second if nobody spaces it."""
+    payloads = [json.dumps(dvl(n)).encode() for n in range(40)]
+    device = msgspec.structs.replace(
+        seen("auv1/dvl", *payloads, encoding="application/json", rate=5.0), period_s=0.2
+    )
+    small = [
+        msgspec.structs.replace(
+            seen(f"auv1/{name}", b'{"a": 1}', b'{"a": 2}', encoding="application/json", rate=5.0),
+            period_s=0.2, samples=40,
+        )
+        for name in ("nav", "att")
+    ]  # fmt: skip
+    files = write_files(survey(device, *small))
+    found = topics_of(files.config)
+    assert (found["auv1/dvl"].qos.min_interval_s or 0) > 60
+    assert (found["auv1/nav"].qos.min_interval_s or 0) < 10
+    assert files.text.count("EDIT:") == 1  # the modem
+    network = VirtualNetwork(
+        Scenario(nodes=tuple(NodeSpec(address=a, position=(200.0 * a, 0, 10)) for a in (1, 2)),
+                 channel="none"),
+        files.config.table,
+    )  # fmt: skip
+    values: dict[str, Any] = {"auv1/dvl": payloads[1], "auv1/nav": {"a": 1}, "auv1/att": {"a": 2}}
+    for name, value in values.items():
+        topic = found[name]
+        for n in range(300):
+            network.at(n + 1.0, lambda t=topic, v=value: network.publish(1, t.stream_id, v))
+    network.run(until_s=320)
+    arrived = [event.stream_id for event in network.samples(2)]
+    assert arrived.count(found["auv1/dvl"].stream_id) >= 1
+    for name in ("auv1/nav", "auv1/att"):
+        assert arrived.count(found[name].stream_id) >= 30
+
+
+def test_services_are_of_the_side_that_serves_or_does_not_call_them() -> None:
+    own = msgspec.structs.replace(
+        survey(seen("auv1/nav", b"x"), services=("auv1/arm",)), called=("shore/time",)
+    )
+    servers = {
+        stream.spec.name: stream.spec.server
+        for stream in write_files(own).config.table
+        if isinstance(stream.spec, ServiceSpec)
+    }
+    assert servers == {"auv1/arm": 1, "shore/time": 2}
+    peer = survey(seen("shore/x", b"x"), services=("shore/time", "shore/log"))
+    servers = {
+        stream.spec.name: stream.spec.server
+        for stream in write_files(own, peer=peer).config.table
+        if isinstance(stream.spec, ServiceSpec)
+    }
+    assert servers == {"auv1/arm": 1, "shore/time": 2, "shore/log": 2}
+
+
+def test_what_both_sides_publish_is_of_both() -> None:
+    """Two networks that are one are named: there, each topic is on both sides."""
+    own, peer = survey(seen("events", b"x")), survey(seen("events", b"y"))
+    assert topics_of(write_files(own, peer=peer).config)["events"].publishers == (1, 2)
+    one = [msgspec.structs.replace(each, ids=("ab12",)) for each in (own, peer)]
+    left_out = write_files(one[0], peer=one[1]).left_out
+    assert any("are one network: part their routers" in reason for reason in left_out)
+
+
+def test_latched_topics_keep_what_they_keep() -> None:
+    topic = msgspec.structs.replace(seen("auv1/mode", b"x"), samples=0, rate_hz=0.0, kept=3)
+    qos = topics_of(write_config(survey(topic))[1])["auv1/mode"].qos
+    assert (qos.durability.value, qos.depth, qos.reliability.value) == (
+        "transient_local", 3, "reliable"
+    )  # fmt: skip
+
+
 def test_the_file_is_valid_and_has_every_topic() -> None:
     text, config = write_config(
         survey(

@@ -47,6 +47,12 @@ _FIELD: Final = re.compile(
     re.DOTALL,
 )
 _PLAIN: Final = re.compile(r"<string>:(\d+) (.*) at column (\d+)", re.DOTALL)
+_VALUE_AND_ENDS: Final = re.compile(
+    r"""(?:"(?:\\.|[^"\\])*"|'(?:\\.|[^'\\])*'|[\w.+-]+)(?:\s|//[^\n]*|/\*.*?\*/|[\]}])*""",
+    re.DOTALL,
+)
+"""A value that is no list and no object, and what may follow it without a comma."""
+_SHOWN: Final = 20
 _WHERE_IN_ZENOH: Final = re.compile(r" at \S+\.rs:\d+\.?")
 _OS_ERROR: Final = re.compile(r" \(os error \d+\)")
 
@@ -73,13 +79,13 @@ def parse_json5(text: str, *, source: str) -> object:
         zenoh.Config.from_json5(text)
     except zenoh.ZError as error:
         if _GRAMMAR.search(str(error)):
-            raise _config_error(error, source) from error
+            raise _config_error(error, source, text) from error
     try:
         # The line break ends a comment on the last line.
         wrapped = zenoh.Config.from_json5("{metadata:" + text + "\n}")
         return json.loads(wrapped.get_json("metadata"))
     except zenoh.ZError as error:
-        raise _config_error(error, source) from error
+        raise _config_error(error, source, text) from error
 
 
 def read_json5(path: str | Path) -> object:
@@ -116,7 +122,7 @@ def read_zenoh_config(path: str | Path) -> "tuple[zenoh.Config | None, object]":
             raise ConfigError(
                 f"{path}: no section plugins.acoustic", hint=_SCENARIO_HINT
             ) from error
-        raise _config_error(error, str(path)) from error
+        raise _config_error(error, str(path), text) from error
     try:
         return config, json.loads(config.get_json(ACOUSTIC_SECTION))
     except zenoh.ZError as error:
@@ -156,7 +162,8 @@ def _parse_without_zenoh(text: str, source: str) -> object:
     except ValueError as error:
         found = _PLAIN.fullmatch(str(error))
         place = f":{found[1]}:{found[3]}" if found else ""
-        raise ConfigError(f"{source}{place}: {found[2] if found else error}") from None
+        hint = _comma_hint(text, int(found[1]), int(found[3])) if found else ""
+        raise ConfigError(f"{source}{place}: {found[2] if found else error}", hint=hint) from None
     except RecursionError:
         raise ConfigError(f"{source}: nested too deep to be read without Zenoh") from None
 
@@ -210,17 +217,36 @@ def _check_depth(text: str, source: str) -> None:
             raise ConfigError(f"{source}:{line}: nested {depth} deep; allowed: {DEPTH_LIMIT}")
 
 
-def _config_error(error: Exception, source: str) -> ConfigError:
+def _comma_hint(text: str, line: int, column: int) -> str:
+    """Return what to do if a comma is missing behind a place, or nothing.
+
+    The parser points at the last value before it, and says what else that could be.
+    """
+    lines = text.split("\n")
+    if not 1 <= line <= len(lines):
+        return ""
+    rest = "\n".join([lines[line - 1][column - 1 :], *lines[line:]])
+    found = _VALUE_AND_ENDS.match(rest)
+    if found is None:
+        return ""
+    follows = rest[found.end() :].split("\n")[0].strip()
+    begins = follows[:1].isalnum() or follows[:1] in {*"_$\"'{["}
+    return f"is a comma missing before {follows[:_SHOWN]}?" if begins else ""
+
+
+def _config_error(error: Exception, source: str, written: str) -> ConfigError:
     """Turn an error of Zenoh's parser into one line about the user's file."""
     text = _WHERE_IN_ZENOH.sub("", str(error))
     if grammar := _GRAMMAR.search(text):
         line, column, expected = grammar.groups()
         plain = expected.strip().replace("EOI", "the end of the file")
-        return ConfigError(f"{source}:{line}:{column}: {plain}")
+        hint = _comma_hint(written, int(line), int(column))
+        return ConfigError(f"{source}:{line}:{column}: {plain}", hint=hint)
     if field := _FIELD.search(text):
         message, line, column = field.groups()
         place = f":{line}:{column}" if line else ""
-        return ConfigError(f"{source}{place}: {' '.join(message.split())}")
+        hint = _comma_hint(written, int(line), int(column)) if line else ""
+        return ConfigError(f"{source}{place}: {' '.join(message.split())}", hint=hint)
     if "error parsing integer" in text or "error parsing number" in text:
         return ConfigError(f"{source}: a number is too large; allowed: 64 bits")
     return ConfigError(f"{source}: {' '.join(_OS_ERROR.sub('', text).split())}")

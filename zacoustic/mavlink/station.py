@@ -46,7 +46,8 @@ from zacoustic.mavlink.commands import (
 from zacoustic.mavlink.dialect import AUTOPILOT, Message, Received
 from zacoustic.mavlink.entries import ABORT, CLOCK, GIVEN, GROUND
 from zacoustic.mavlink.outputs import Call, Notice, Output, Publish, Send
-from zacoustic.mavlink.telemetry import heartbeat_of, message_of
+from zacoustic.mavlink.telemetry import heartbeat_of, instruments_of, message_of
+from zacoustic.mavlink.unsupported import read_unsupported
 from zacoustic.mavlink.vehicletime import VehicleTime
 
 HEARTBEAT_NS: Final = seconds_to_ns(1.0)
@@ -58,6 +59,10 @@ SHARED_NS: Final = seconds_to_ns(3.5)
 REMEMBERED_NS: Final = seconds_to_ns(60.0)
 """A repetition that says that it is one gets the answer again for this time."""
 
+REFUSED_NS: Final = seconds_to_ns(60.0)
+"""The reason of a refusal is told again after this time: stations poll every second."""
+
+_MOST_REFUSED: Final = 100
 _GROUND_STATION: Final = 6  # MAV_TYPE_GCS
 _CRITICAL, _WARNING = 2, 4  # MAV_SEVERITY
 _TEXT_BYTES: Final = 50
@@ -93,6 +98,8 @@ class StationSide:
         ground_every_s: Time between two samples that say that a ground station is there, s.
         lost_after_s: Silence of the vehicle after which it is lost, s.
         is_present: Whether a ground station counts as there without its HEARTBEATs.
+        has_instruments: Whether each report is also shown as GLOBAL_POSITION_INT, SYS_STATUS and
+            VFR_HUD, for stations that do not read HIGH_LATENCY2.
         now: The instant.
     """
 
@@ -103,6 +110,7 @@ class StationSide:
         ground_every_s: float,
         lost_after_s: float,
         is_present: bool = False,
+        has_instruments: bool = False,
         now: int,
     ) -> None:
         self._name = name
@@ -110,6 +118,7 @@ class StationSide:
         self._lost_after_s = lost_after_s
         self._lost_after_ns = seconds_to_ns(lost_after_s)
         self._is_present = is_present
+        self._has_instruments = has_instruments
         self._value: dict[str, Any] | None = None
         self._sampled_at = now
         self._is_lost = False
@@ -121,6 +130,7 @@ class StationSide:
         self._answered: _Answered | None = None
         self._count = 0
         self._texts = 0
+        self._refused: dict[str, int] = {}
         self._outputs: deque[Output] = deque()
 
     # Inputs
@@ -139,10 +149,17 @@ class StationSide:
                 self._hear_station(received, now)
             return
         found = read_command(received)
-        if found is None or not self._is_for_us(found.target):
+        if found is None:
+            self._refuse_unsupported(received, now)
+            return
+        if not self._is_for_us(found.target):
             return
         if isinstance(found, Refusal):
-            self._say("refused", f"{found.command}: {found.answer.result}, {found.answer.text}")
+            answer = found.answer
+            told = f"command {found.command}: {answer.result}, {answer.text}"
+            if answer.result == "unsupported":  # its text names the command
+                told = f"{answer.text}: {answer.result}"
+            self._tell_refusal(told, found.target, now)
             self._send(found.acknowledgement(found.answer), found.target)
         else:
             self._take_command(found, now)
@@ -171,6 +188,9 @@ class StationSide:
             self._beat_at = now
             self.handle_timeout(now)
         self._send(message_of(value))
+        if self._has_instruments:
+            for message in instruments_of(value):
+                self._send(message)
 
     def handle_answer(self, number: int, answer: Answer, now: int) -> None:
         """Take the end of a call."""
@@ -213,6 +233,28 @@ class StationSide:
         if self._station_at is not None:
             due.append(self._station_at + STATION_SILENCE_NS)
         return min(due, default=None)
+
+    # Refusals
+
+    def _refuse_unsupported(self, received: Received, now: int) -> None:
+        """Answer what does not cross, at once: without an answer it is asked again."""
+        found = read_unsupported(received)
+        if found is None or not self._is_for_us(found.target):
+            return
+        self._tell_refusal(found.text, found.target, now)
+        if found.answer is not None:
+            self._send(found.answer, found.target)
+
+    def _tell_refusal(self, text: str, target: int, now: int) -> None:
+        """Say why something is refused; what is asked again and again, once in a while."""
+        told_at = self._refused.get(text)
+        if told_at is not None and now - told_at < REFUSED_NS:
+            return
+        if len(self._refused) >= _MOST_REFUSED:
+            self._refused.clear()
+        self._refused[text] = now
+        self._say("refused", text)
+        self._send_text(text, _WARNING, target)
 
     # The vehicle
 

@@ -5,6 +5,7 @@ A position beyond ±90° or ±180°, and a battery of -1, mean "not known" and c
 """
 
 import math
+from collections.abc import Iterator
 from typing import Any, Final
 
 from zacoustic.mavlink.dialect import Message
@@ -33,6 +34,13 @@ _AS_THEY_ARE: Final = (
 _OF_THE_HEARTBEAT: Final = ("base_mode", "system_status")
 _LIMITS_DEG: Final = {"latitude": 90.0, "longitude": 180.0}
 _DIRECTIONS: Final = ("heading", "target_heading", "wind_heading")
+_UNKNOWN_VOLTAGE: Final = 2**16 - 1
+# Of SYS_STATUS; no sensor counts as present, so none as broken.
+_NOT_REPORTED: Final = (
+    "onboard_control_sensors_present", "onboard_control_sensors_enabled",
+    "onboard_control_sensors_health", "load", "drop_rate_comm", "errors_comm", "errors_count1",
+    "errors_count2", "errors_count3", "errors_count4",
+)  # fmt: skip
 _UNKNOWN_POSITION: Final = 2**31 - 1
 
 
@@ -71,6 +79,45 @@ def message_of(value: dict[str, Any]) -> Message:
     if fields["battery"] is None:
         fields["battery"] = -1
     return Message(HIGH_LATENCY2, fields)
+
+
+def instruments_of(value: dict[str, Any]) -> Iterator[Message]:
+    """Yield what stations read that do not know HIGH_LATENCY2; times are those of the report.
+
+    A position that is not known is not sent. HIGH_LATENCY2 has neither the height above home nor
+    the velocity: `relative_alt` is the altitude, and the ground speed is along the heading.
+    """
+    heading, speed = value["heading"], value["groundspeed"]
+    if value["latitude"] is not None and value["longitude"] is not None:
+        yield Message(
+            "GLOBAL_POSITION_INT",
+            {
+                "time_boot_ms": value["timestamp"],
+                "lat": round(value["latitude"] * 1e7),
+                "lon": round(value["longitude"] * 1e7),
+                "alt": round(value["altitude"] * 1000),
+                "relative_alt": round(value["altitude"] * 1000),
+                "vx": round(100 * speed * math.cos(math.radians(heading))),
+                "vy": round(100 * speed * math.sin(math.radians(heading))),
+                "vz": round(-100 * value["climb_rate"]),
+                "hdg": round(heading * 100) % 36_000,
+            },
+        )
+    yield Message(
+        "VFR_HUD",
+        {
+            "airspeed": value["airspeed"],
+            "groundspeed": speed,
+            "heading": round(heading) % 360,
+            "throttle": value["throttle"],
+            "alt": float(value["altitude"]),
+            "climb": value["climb_rate"],
+        },
+    )
+    unknown = dict.fromkeys(_NOT_REPORTED, 0)
+    battery = -1 if value["battery"] is None else value["battery"]
+    measured = {"voltage_battery": _UNKNOWN_VOLTAGE, "current_battery": -1}
+    yield Message("SYS_STATUS", {**unknown, **measured, "battery_remaining": battery})
 
 
 def heartbeat_of(value: dict[str, Any]) -> Message:

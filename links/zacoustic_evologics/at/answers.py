@@ -90,7 +90,8 @@ def reply_text(reply: CommandReply) -> str:
         case NetStatus():
             return _net_status_text(reply)
         case SettingsReply():
-            return "".join(f"{_shown_text(setting)}\n" for setting in reply.settings)
+            # Captured so; the other answers of several lines have bare line feeds.
+            return "".join(f"{_shown_text(setting)}\r\n" for setting in reply.settings)
         case MultipathReply():
             return "".join(f"{path.delay_us:<6d}{path.strength:<5d}\n" for path in reply.paths)
         case PositionReply():

@@ -180,6 +180,9 @@ INTEGRITY: Final = Level(-100_000, 100_000)
 """Signal integrity; above 100 is good, but proves no delivery."""
 VELOCITY_M_S: Final = Decimal(4, 10_000.0)
 """Relative velocity, m/s."""
+RAW_METRES: Final = Decimal(4, 1e30)
+"""A position from three hydrophones before it is judged: a geometry without a solution gives
+whatever the division gave, far beyond any place."""
 METRES: Final = Decimal(4, 1_000_000.0)
 """A distance, m."""
 ANGLE_RAD: Final = Decimal(4, 100.0)

@@ -28,6 +28,7 @@ from zacoustic_evologics.at.fields import (
     INTEGRITY,
     METRES,
     PROTOCOL_ID,
+    RAW_METRES,
     RSSI_DB,
     SECONDS,
     SIGNED,
@@ -167,7 +168,7 @@ LINE_LAYOUTS: Final = (
         (*_FIX, *_BEARING, *_ATTITUDE, *_SIGNAL, ("accuracy_rad", ACCURACY)),
     ),
     Layout("USBLPHYD", usbl.UsblPhyD, (*_FIX, ("fix", SIGNED), ("delays", SIGNED, 8))),
-    Layout("USBLPHYP", usbl.UsblPhyP, (*_FIX, ("fix", SIGNED), ("positions_m", METRES, 18))),
+    Layout("USBLPHYP", usbl.UsblPhyP, (*_FIX, ("fix", SIGNED), ("positions_m", RAW_METRES, 18))),
     Layout(
         "ECLK",
         said.ExternalClock,

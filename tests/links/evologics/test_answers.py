@@ -75,7 +75,7 @@ ANSWERS: list[tuple[Command, str, CommandReply]] = [
     ),
     (
         SHOW,
-        "Source Level: 3\n[*]Local Address: 2\nIM Rerty Count: 1\n",
+        "Source Level: 3\r\n[*]Local Address: 2\r\nIM Rerty Count: 1\r\n",
         SettingsReply(
             (
                 ShownSetting("Source Level", 3),
@@ -117,7 +117,9 @@ def test_answer_comes_through_both_framings_as_one_text(
     name = None if framing is Framing.LINES else command_name(command)
     received = AtDecoder(framing).feed(encode_message(Reply(text, name), framing))
     texts = [collector.add(each) for each in received if isinstance(each, Reply)]
-    assert [each for each in texts if each is not None] == [text]
+    # Where lines are read, their ends are all the same.
+    whole = text.replace("\r\n", "\n") if framing is Framing.LINES else text
+    assert [each for each in texts if each is not None] == [whole]
     assert texts[-1] == text
 
 
@@ -175,3 +177,18 @@ def test_status_has_several_lines_from_one_interpreter_only() -> None:
 @given(COMMANDS, st.text(st.characters(codec="latin-1"), max_size=80))
 def test_no_answer_raises(command: Any, text: str) -> None:
     decode_reply(command, text)
+
+
+def test_the_settings_are_as_long_as_they_were_captured() -> None:
+    """347 bytes in firmware 1.7: each line has both of its ends, and an empty one follows."""
+    values = {
+        "Source Level": 3, "Source Level Control": 0, "Gain": 0, "Carrier Waveform ID": 1,
+        "Local Address": 2, "Highest Address": 14, "Cluster Size": 10, "Packet Time": 750,
+        "Retry Count": 3, "Retry Timeout": 1500, "Wake Up Active Time": 12, "Wake Up Period": 12,
+        "Promiscuous Mode": 1, "Sound Speed": 1500, "IM Rerty Count": 1, "Pool Size": 16384,
+        "Hold Timeout": 0, "Idle Timeout": 120,
+    }  # fmt: skip
+    reply = SettingsReply(tuple(ShownSetting(label, value) for label, value in values.items()))
+    assert len(reply_text(reply) + "\r\n") == 347
+    # Those who end their lines otherwise are read as well.
+    assert decode_reply(SHOW, reply_text(reply).replace("\r\n", "\n")) == reply

@@ -32,6 +32,7 @@ from zacoustic_evologics.at.notifications import (
     RecvStart,
     SendStart,
 )
+from zacoustic_evologics.at.usbl import UsblPhyP
 
 
 def im(payload: bytes, length: int | None = None) -> bytes:
@@ -345,3 +346,13 @@ def test_random_bytes_neither_raise_nor_fill_the_memory(
     decoder.flush()
     end = b"RECVSTART\r\n" if framing is Framing.LINES else wrapped(b"RECVSTART")
     assert decoder.feed(end) == [RecvStart()]
+
+
+def test_positions_of_a_geometry_without_a_solution_are_read() -> None:
+    """Three hydrophones whose delays are missing give places far beyond the earth."""
+    numbers = ["1.0000"] * 17 + ["-987654321012.1250"]
+    line = "USBLPHYP,10446.991981,10446.534643,3,0," + ",".join(numbers)
+    (found,) = AtDecoder(Framing.LINES).feed(line.encode() + b"\r\n")
+    assert isinstance(found, UsblPhyP)
+    assert found.positions_m[-1] == -987654321012.125
+    assert encode_message(found, Framing.LINES) == line.encode() + b"\r\n"

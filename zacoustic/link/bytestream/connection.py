@@ -58,6 +58,13 @@ async def to_the_end(closing: Coroutine[Any, Any, None]) -> None:
         raise cancelled
 
 
+_CURES: Final = {
+    errno.EACCES: ": add this user to the group of the port (often dialout), and log in again",
+    errno.ENOENT: ": is it connected, and is that its name?",
+}
+"""What a person does about an error, behind the system's message."""
+
+
 def reason_of(error: BaseException) -> str:
     """Return the operating system's message in one line."""
     if isinstance(error, socket.gaierror):
@@ -65,5 +72,6 @@ def reason_of(error: BaseException) -> str:
     if isinstance(error, OSError) and error.errno == errno.EAGAIN:  # the lock on a serial port
         return "in use by another program"
     if isinstance(error, OSError) and error.errno:
-        return os.strerror(error.errno)
+        reason = os.strerror(error.errno)
+        return f"{reason}{_CURES.get(error.errno, '')}"
     return " ".join(str(error).split()) or type(error).__name__

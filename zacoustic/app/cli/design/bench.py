@@ -48,9 +48,12 @@ class BenchCommand(Command):
         from zacoustic.core.streams.specs import in_parts
 
         window_s = window_of(arguments)
-        table = read_fleet(arguments.config, with_model=True).table
+        config = read_fleet(arguments.config, with_model=True)
+        table = config.table
         files: list[str] = arguments.recordings
-        recordings = read_recordings(files, table, only_dense=False, window_s=window_s)
+        recordings = read_recordings(
+            files, table, only_dense=False, window_s=window_s, ros=config.ros
+        )
         report = measure(files, recordings, table, window_s=window_s, seed=arguments.seed)
         print_result(report, as_text, as_json=arguments.json)
         for row in report.streams:

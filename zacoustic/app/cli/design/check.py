@@ -4,7 +4,7 @@ import argparse
 
 from zacoustic.app.cli.support.arguments import add_json, add_node_file, add_profile
 from zacoustic.app.cli.support.printing import print_note, print_result
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK, EXIT_USAGE, Command
 
 
 class CheckCommand(Command):
@@ -20,8 +20,8 @@ class CheckCommand(Command):
         add_profile(parser, " of the airtimes")
         add_json(parser)
         parser.epilog = (
-            "fails when the file is valid, and its link cannot be used on this computer, or\n"
-            "something in it can never cross\n\n"
+            "exits with 1 when the file is valid, and its link or its key file cannot be used on\n"
+            "this computer, or something in it can never cross; with 2 when it is not valid\n\n"
             "example:\n  zacoustic config check fleet.json5 --address 2"
         )
 
@@ -33,6 +33,7 @@ class CheckCommand(Command):
         """
         from zacoustic.app.tools.design.check.report import report_of
         from zacoustic.app.tools.design.check.text import as_text
+        from zacoustic.app.tools.security.keycheck import key_refusals
         from zacoustic.channel.profiles import profile_named
         from zacoustic.config import read_config
 
@@ -40,7 +41,14 @@ class CheckCommand(Command):
         config = read_config(arguments.file, address=arguments.address, locator=arguments.link)
         report = report_of(config, profile)
         print_result(report, as_text, as_json=arguments.json)
-        unusable = [link for link in report.links if link.error]
-        for link in unusable:
-            print_note(f"zacoustic config check: {arguments.file}: {link.error}")
-        return EXIT_FAILED if unusable or report.misfits else EXIT_OK
+        wrong, fails = False, bool(report.misfits)
+        for index, link in enumerate(report.links):
+            if link.error:
+                key = f"{arguments.file}: plugins.acoustic.links[{index}].locator"
+                where = "--link" if arguments.link else key
+                print_note(f"zacoustic config check: {where}: {link.error}")
+                wrong, fails = wrong or link.is_wrong, True
+        for refusal in key_refusals(config):
+            print_note(f"zacoustic config check: {refusal}")
+            fails = True
+        return EXIT_USAGE if wrong else EXIT_FAILED if fails else EXIT_OK

@@ -52,7 +52,8 @@ class FitCommand(Command):
         from zacoustic.app.tools.fleetfile import read_fleet
 
         window_s = window_of(arguments)
-        table = read_fleet(arguments.config, with_model=False).table
+        config = read_fleet(arguments.config, with_model=False)
+        table = config.table
         if all(stream.dense_type is None or stream.type is None for stream in table):
             raise ConfigError(
                 f"{arguments.config}: no stream is dense; allowed: topics with a type",
@@ -60,7 +61,7 @@ class FitCommand(Command):
             )
         with new_file("--output", arguments.output) as model:
             recordings = read_recordings(
-                arguments.recordings, table, only_dense=True, window_s=window_s
+                arguments.recordings, table, only_dense=True, window_s=window_s, ros=config.ros
             )
             fitted, report = fit_recordings(recordings, table, window_s=window_s)
             if model is not None:

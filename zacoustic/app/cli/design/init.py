@@ -44,15 +44,22 @@ class InitCommand(Command):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare endpoint, time, file and form of the output."""
         parser.add_argument(
-            "--connect", metavar="ENDPOINT", required=True, help="a router, tcp/HOST:7447"
-        )
+            "--connect", metavar="ENDPOINT",
+            help="a router or a peer, tcp/HOST:7447 (default: the peers that multicast finds)",
+        )  # fmt: skip
         parser.add_argument(
             "--listen-s", type=float, default=5.0, metavar="S",
             help="how long to listen, s (default: %(default)g)",
         )  # fmt: skip
         parser.add_argument(
-            "--key", default="**", metavar="EXPRESSION", help="only topics it covers (default: **)"
-        )
+            "--key", action="append", default=[], metavar="EXPRESSION",
+            help="only topics that it covers (default: **); may be given again: keys with a chunk "
+            "that begins with @ are covered by no wildcard",
+        )  # fmt: skip
+        parser.add_argument(
+            "--packages", type=Path, metavar="FOLDER",
+            help="definitions of ROS that do not ship: PACKAGE/msg/Name.msg, srv, action",
+        )  # fmt: skip
         parser.add_argument(
             "--output", type=Path, metavar="FILE", help="a new file (default: standard output)"
         )
@@ -68,8 +75,9 @@ class InitCommand(Command):
             "--peer-connect", metavar="ENDPOINT", help="listen to the other side's network as well"
         )
         parser.add_argument(
-            "--peer-listen", metavar="ENDPOINT", default="tcp/127.0.0.1:7447",
-            help="where the other side's router listens (default: %(default)s)",
+            "--peer-listen", metavar="ENDPOINT",
+            help="where the other side's gateway listens as a router, unless --peer-connect names "
+            "one (default: tcp/127.0.0.1:7447, or 7448 if --connect is there)",
         )  # fmt: skip
         for side, whose, address in (("", "this", 1), ("peer-", "the other", 2)):
             parser.add_argument(
@@ -121,6 +129,7 @@ class InitCommand(Command):
                 there=there,
                 peer=peer,
                 peer_listen=arguments.peer_listen,
+                packages=arguments.packages,
                 others=others,
                 profile=profile,
                 choose=ask_about if arguments.interactive else lambda drafts: drafts,
@@ -160,6 +169,8 @@ def _check(arguments: argparse.Namespace) -> None:
             raise ConfigError(f"--{option} {getattr(arguments, name)}; allowed: 1..254")
     if arguments.address == arguments.peer_address:
         raise ConfigError(f"--peer-address {arguments.peer_address}; allowed: another address")
+    if arguments.packages is not None and not arguments.packages.is_dir():
+        raise ConfigError(f"--packages {arguments.packages}; allowed: a folder")
     if arguments.traffic is not None and arguments.output is None:
         raise ConfigError("--traffic; allowed: with --output, the file that it names")
     if arguments.interactive and not sys.stdin.isatty():
@@ -181,8 +192,10 @@ def _listen(arguments: argparse.Namespace) -> "tuple[Survey, Survey | None]":
     """
     from zacoustic.app.tools.design.first.survey import survey_network
 
-    def survey(endpoint: str) -> "Survey":
-        return survey_network(endpoint, listen_s=arguments.listen_s, expression=arguments.key)
+    expressions = arguments.key or ["**"]
+
+    def survey(endpoint: str | None) -> "Survey":
+        return survey_network(endpoint, listen_s=arguments.listen_s, expressions=expressions)
 
     if arguments.peer_connect is None:
         return survey(arguments.connect), None
@@ -199,6 +212,7 @@ def _side(arguments: argparse.Namespace, head: str, file: Path | None, name: str
         address=getattr(arguments, f"{head}address"),
         name=stem if arguments.peer is not None and stem else name,
         locator=getattr(arguments, f"{head}link"),
+        folder=Path() if file is None else file.parent,
     )
 
 

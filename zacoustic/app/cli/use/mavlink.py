@@ -113,6 +113,11 @@ class OnShore(Command):
             "--present", action="store_true",
             help="count the ground station as there without its heartbeats",
         )  # fmt: skip
+        parser.add_argument(
+            "--instruments", action="store_true",
+            help="show each report as GLOBAL_POSITION_INT, SYS_STATUS and VFR_HUD as well, which "
+            "MAVSDK and MAVProxy read",
+        )  # fmt: skip
         parser.epilog = (
             "example:\n  zacoustic mavlink shore fleet.json5 --mavlink udpout:127.0.0.1:14550"
         )
@@ -246,6 +251,7 @@ async def _run_on_shore(arguments: argparse.Namespace, stop: asyncio.Event) -> N
         ground_every_s=arguments.every,
         lost_after_s=arguments.lost_after,
         is_present=arguments.present,
+        has_instruments=arguments.instruments,
         now=time.monotonic_ns(),
     )
     settings = _settings(arguments, config, shore_address(names))

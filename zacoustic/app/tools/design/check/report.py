@@ -107,6 +107,8 @@ class LinkRow(msgspec.Struct, frozen=True, kw_only=True):
     """Why it is unusable on this computer; empty: it is usable."""
     mtu_bytes: int | None = None
     """Its largest frame, if known before it is open."""
+    is_wrong: bool = False
+    """No computer can use it: there is no such link, or its address or a setting is wrong."""
 
 
 class _Built(msgspec.Struct, frozen=True):
@@ -345,13 +347,19 @@ def _channel_notes(
     yield from share_notes(known, own, len(config.nodes))
 
 
+def _is_installed(locator: str) -> bool:
+    return locator.partition("/")[0] in registry.names()
+
+
 def _build(locator: str, address: int) -> _Built:
     """Create the link without opening it, to check its package and its settings."""
     shown = without_secrets(locator)
     try:
         link = registry.create(locator, address)
     except ZacousticError as error:
-        return _Built(LinkRow(locator=shown, error=without_secrets(error)), None)
+        is_wrong = isinstance(error, ConfigError) or not _is_installed(locator)
+        row = LinkRow(locator=shown, error=without_secrets(error), is_wrong=is_wrong)
+        return _Built(row, None)
     told = getattr(link, "capabilities", None)
     capabilities = told if isinstance(told, LinkCapabilities) else None
     mtu_bytes = None if capabilities is None else capabilities.mtu_bytes

@@ -30,8 +30,9 @@ class RosDraft(msgspec.Struct, frozen=True, kw_only=True):
     """ROS name, with a leading slash."""
     interface: str
     """Its type, such as ``nav_msgs/msg/Odometry``."""
-    has_header: bool
-    """It begins with a header, whose stamp may cross as an age."""
+    has_age: bool
+    """It has a header, whose stamp can cross as an age: the instants that were seen are of this
+    machine's clock."""
 
 
 class Overlaid(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,6 +42,19 @@ class Overlaid(msgspec.Struct, frozen=True, kw_only=True):
     """The type."""
     rules: tuple[InferredField, ...]
     """`field` and other keys of a rule, and the observed values."""
+
+
+class Served(msgspec.Struct, frozen=True, kw_only=True):
+    """The entry of a service or an action."""
+
+    name: str
+    """Its name, as the file writes it."""
+    interface: str | None = None
+    """Its type in ROS; None: it is not of ROS."""
+    is_action: bool = False
+    """It is an action."""
+    is_from_peer: bool = False
+    """It is served on the other side."""
 
 
 class TopicDraft(msgspec.Struct, frozen=True, kw_only=True):
@@ -60,6 +74,10 @@ class TopicDraft(msgspec.Struct, frozen=True, kw_only=True):
     """The observed values, decoded; of an opaque topic its payloads."""
     is_from_peer: bool = False
     """It is published on the other side."""
+    is_from_both: bool = False
+    """It is published on both sides."""
+    is_silent: bool = False
+    """It has a publisher that said nothing meanwhile."""
     priority: str = USUAL
     """Zenoh's priority."""
     parts_s: float | None = None
@@ -71,17 +89,23 @@ class TopicDraft(msgspec.Struct, frozen=True, kw_only=True):
     def is_reliable(self) -> bool:
         """Whether each sample must arrive, or is larger than a frame.
 
-        What an urgent topic repeats every few seconds anyway needs no acknowledgement.
+        What an urgent topic repeats every few seconds anyway needs no acknowledgement; what is
+        latched is said once.
         """
         period_s = self.seen.period_s
         is_repeated = period_s is not None and period_s <= REPEATED_S
-        return self.parts_s is not None or (self.priority in COMMANDING and not is_repeated)
+        is_urgent = self.priority in COMMANDING and not is_repeated
+        return self.parts_s is not None or self.is_latched or is_urgent
 
     @property
-    def is_too_often(self) -> bool:
-        """Whether large samples are published faster than they surely cross."""
-        period_s = self.seen.period_s
-        return self.parts_s is not None and period_s is not None and 3 * period_s < self.parts_s
+    def is_latched(self) -> bool:
+        """Whether its publishers keep samples for late subscribers."""
+        return self.seen.kept > 0
+
+    @property
+    def crosses_as_age(self) -> bool:
+        """Whether its stamp crosses as an age; what crosses in parts keeps its own."""
+        return self.ros is not None and self.ros.has_age and self.parts_s is None
 
     @property
     def name(self) -> str:

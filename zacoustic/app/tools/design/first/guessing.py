@@ -52,8 +52,23 @@ _PART_OF_ONE: Final = Quantity(unit="", step=0.001, low=-1, high=1, is_firm=True
 _TURNING: Final = Quantity(unit="rad/s", step=0.001, low=-_TURN, high=_TURN)
 _TURNS: Final = Quantity(unit="rpm", step=1, low=-10_000, high=10_000)
 
+_ACCELERATION: Final = Quantity(unit="m/s^2", step=0.001, low=-100, high=100)
+_TURNING_DEG: Final = Quantity(unit="deg/s", step=0.1, low=-360, high=360)
+
+_TURNED: Final = frozenset({"roll", "pitch", "yaw", "heading", "course", "turn", "angular"})
+_RATES: Final = frozenset({"rate", "speed", "velocity", "vel"})
+_RATES_OF_TURN: Final = re.compile(r"(roll|pitch|yaw|heading|turn)(rate|speed|vel)")
+"""Rates of turn that are written as one word, as in MAVLink."""
+_AXES: Final = frozenset({"x", "y", "z"})
+_PLACES: Final = frozenset(
+    {"position", "pos", "pose", "point", "translation", "location", "origin", "place", "offset"}
+)
+"""What has axes in metres; those of a force or a field have not."""
+
 # By word, the first that matches; angles twice: in degrees, and in radians.
 _QUANTITIES: Final[tuple[tuple[frozenset[str], Quantity, Quantity | None], ...]] = (
+    (frozenset({"acceleration", "accel"}), _ACCELERATION, None),
+    (frozenset({"angular", "gyro"}), _TURNING, None),
     (frozenset({"lat", "latitude"}), _LATITUDE, None),
     (frozenset({"lon", "lng", "longitude"}), _LONGITUDE, None),
     (frozenset({"heading", "yaw", "course", "bearing", "azimuth"}), _COURSE, _COURSE_RAD),
@@ -67,10 +82,9 @@ _QUANTITIES: Final[tuple[tuple[frozenset[str], Quantity, Quantity | None], ...]]
     (frozenset({"pressure"}), _PRESSURE, None),
     (frozenset({"salinity", "conductivity", "turbidity", "oxygen", "chlorophyll"}), _SALT, None),
     (frozenset({"rpm"}), _TURNS, None),
-    (frozenset({"orientation", "quaternion"}), _PART_OF_ONE, None),
+    (frozenset({"orientation", "quaternion", "rotation"}), _PART_OF_ONE, None),
     (frozenset({"linear"}), _SPEED, None),
-    (frozenset({"angular"}), _TURNING, None),
-    (frozenset({"x", "y", "z", "north", "east", "down"}), _PLACE, None),
+    (frozenset({"north", "east", "down"}), _PLACE, None),
 )
 
 _URGENCIES: Final[tuple[tuple[str, frozenset[str]], ...]] = (
@@ -110,14 +124,9 @@ def quantity_of(name: str, values: Iterable[float]) -> Quantity | None:
     """
     seen = list(values)
     words = words_in(name)
-    found = next((each for each in _QUANTITIES if each[0] & {*words}), None)
-    if found is None:
+    quantity = _named(words, seen)
+    if quantity is None or _denies(quantity, seen):
         return None
-    _, quantity, in_radians = found
-    if in_radians is not None and _is_in_radians(words, seen):
-        quantity = in_radians
-    if quantity is _PERCENT and all(value <= 1 for value in seen):
-        return _SHARE  # ROS, for one, calls a share a percentage
     if quantity.is_firm and not all(quantity.low <= value <= quantity.high for value in seen):
         # A course may be told from -180 to 180.
         return (
@@ -130,6 +139,42 @@ def priority_of(key: str) -> str:
     """Return the Zenoh priority that the words of a key suggest."""
     words = {*words_in(key)}
     return next((priority for priority, urgent in _URGENCIES if words & urgent), USUAL)
+
+
+def _named(words: list[str], seen: list[float]) -> Quantity | None:
+    """Return what the words name; None: nothing that is known."""
+    if {"angular", "acceleration"} <= {*words}:
+        return None  # no vehicle has a usual one
+    if _is_rate_of_turn(words):
+        return _TURNING_DEG if _is_in_degrees(words, seen) else _TURNING
+    found = next((each for each in _QUANTITIES if each[0] & {*words}), None)
+    if found is None:
+        rest = {*words} - _AXES
+        return _PLACE if {*words} & _AXES and rest <= _PLACES else None
+    _, quantity, in_radians = found
+    if in_radians is not None and _is_in_radians(words, seen):
+        quantity = in_radians
+    if quantity is _PERCENT and all(value <= 1 for value in seen):
+        return _SHARE  # ROS, for one, calls a share a percentage
+    return quantity
+
+
+def _denies(quantity: Quantity, seen: list[float]) -> bool:
+    """Tell whether the step is coarser than the values: they would all cross as zero."""
+    largest = max(map(abs, seen))
+    return not quantity.wraps and 0 < largest < 2 * quantity.step
+
+
+def _is_rate_of_turn(words: list[str]) -> bool:
+    return bool(_TURNED & {*words} and _RATES & {*words}) or any(
+        _RATES_OF_TURN.fullmatch(word) for word in words
+    )
+
+
+def _is_in_degrees(words: list[str], seen: list[float]) -> bool:
+    if "rad" in words or "deg" in words:
+        return "deg" in words
+    return any(abs(value) > _TURN for value in seen)  # a vehicle does not spin that fast
 
 
 def _is_in_radians(words: list[str], seen: list[float]) -> bool:

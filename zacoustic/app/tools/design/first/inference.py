@@ -3,12 +3,14 @@
 A few seconds of listening do not show the range of a value, so bounds are generous (ten times the
 observed values, texts twice), and a number beyond them is not refused: it crosses in the full width
 of its type (`outside: "escape"`). The step is that of the name, if it names a quantity (a latitude,
-a depth); else that of the values' own decimals; else a thousandth of what varied. The observed
+a depth); else that of the values' own decimals; else a thousandth of what varied. A number that did
+not vary, and has no such name, keeps its full width: zeros say nothing of a step. The observed
 values stand beside each field, so that a user who knows the vehicle can do better.
 """
 
 import math
 import re
+import statistics
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
@@ -22,15 +24,22 @@ HEADROOM: Final = 10
 """Ratio of a range to the observed values."""
 RESOLUTION: Final = 1000
 """Steps in what varied, of a measurement with many digits."""
+LEAST_VALUES: Final = 8
+"""So many different whole numbers make a float a count; fewer say nothing of its decimals."""
+MOST_TEXTS: Final = 256
+"""Most elements of a list of texts."""
 SHORTEST_TEXT_BYTES: Final = 16
 """Least bound of a text."""
 MOST_WORDS: Final = 8
 """A text with no more distinct values might be an enum."""
+_LETTER_BYTES: Final = 4
 _MOST_DECIMALS: Final = 6
 _MAX_DEPTH: Final = 8
 _LEAST_BOUND: Final = 100
 _COUNTER_BOUND: Final = 1_000_000
 _LARGEST: Final = 1e12
+_LEAST_SPAN: Final = 1e-30
+"""What varied less did not vary."""
 _IDENTIFIER: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 
@@ -112,14 +121,27 @@ def _array(
 ) -> tuple[dict[str, Any], str]:
     elements = [element for each in seen for element in each]
     longest = max(len(each) for each in seen)
+    if elements and all(isinstance(element, str) for element in elements):
+        return _texts(field, seen)
     if not elements or any(isinstance(element, list | str | bytes) for element in elements):
-        what = "lists of lists or texts" if elements else "empty lists only"
+        what = "lists of lists, or of texts and others" if elements else "empty lists only"
         raise NoTypeError(f"{field} has {what}")
     if any(element is None for element in elements):
         raise NoTypeError(f"{field} has lists with null in them")
     keys, remark = _field(owner, field, elements, types, depth)
     keys["max_length"] = max(4, 2 * longest)
     return keys, f"at most {longest} elements seen" + (f", {remark}" if remark else "")
+
+
+def _texts(field: str, seen: list[list[str]]) -> tuple[dict[str, Any], str]:
+    """Return the keys of a list of texts: a fixed one, since of others no type tells the bounds."""
+    sizes = {len(each) for each in seen}
+    if len(sizes) > 1 or len(seen) < 2 or max(sizes) > MOST_TEXTS:
+        raise NoTypeError(f"{field} has lists of texts, and not always as many")
+    longest = max(len(text.encode(errors="replace")) for each in seen for text in each)
+    most = _LETTER_BYTES if longest <= 1 else _bound(longest)
+    keys = {"type": "string", "length": max(sizes), "max_length": most}
+    return keys, f"always {max(sizes)} texts, of at most {longest} bytes"
 
 
 def _scalar(field: str, seen: list[Any]) -> tuple[dict[str, Any], str]:
@@ -187,10 +209,13 @@ def infer_number(field: str, seen: list[float]) -> tuple[dict[str, Any], str]:
             return {**keys, **_unit(quantity)}, remark
     largest = max(abs(low), abs(high))
     decimals = _decimals(seen)
-    if decimals is not None and largest < _LARGEST:
+    is_count = decimals == 0 and len({*seen}) < LEAST_VALUES  # whole so far, by chance perhaps
+    if decimals is not None and largest < _LARGEST and low < high and not is_count:
         step = 10.0**-decimals
-    elif high > low:
-        step = _nice_below((high - low) / RESOLUTION)
+    elif _LEAST_SPAN < high - low < math.inf:
+        # One value far from the others must not round these away.
+        usual = statistics.median(abs(value) for value in seen if value) * HEADROOM
+        step = _nice_below(min(high - low, max(usual, _LEAST_SPAN)) / RESOLUTION)
         remark += f", step is {step:g} of what varied"
     else:
         return {"type": "float64"}, f"{remark}, it did not vary: no range, no step"

@@ -3,12 +3,12 @@
 A topic keeps the period at which it was published, if that is slow enough. The others get a common
 least interval, shorter for urgent ones and longer for those in the background, and it grows until
 the airtime of all topics, each in frames of its own, is within the budget. What is larger than a
-frame keeps its period: the engine does not space objects, and a newer one takes the place of the
-one that crosses.
+frame has a part of the budget of its own: a device that publishes a kilobyte five times a second
+would leave nothing to its neighbours.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import msgspec
@@ -19,6 +19,8 @@ from zacoustic.channel.profiles import ModemProfile
 
 BUDGET: Final = 0.3
 """Share of the time that all topics together may take."""
+LARGE_BUDGET: Final = 0.15
+"""Share of the time that all topics larger than a frame may take of it."""
 INTERVAL_S: Final = 5.0
 """Least interval of a usual topic, s: a channel carries one or two frames per second in all."""
 LIFESPAN_S: Final = 60.0
@@ -57,21 +59,37 @@ def paced(
         profile: The modem.
     """
     costs = [_cost_s(draft, size, profile) for draft, size in zip(drafts, sizes, strict=True)]
+    large = [index for index, draft in enumerate(drafts) if draft.parts_s is not None]
+    small = [index for index, draft in enumerate(drafts) if draft.parts_s is None]
+    intervals: dict[int, float | None] = {}
+    left = BUDGET
+    for group, budget in ((large, LARGE_BUDGET), (small, BUDGET)):
+        found = _within([(drafts[index], costs[index]) for index in group], min(budget, left))
+        intervals |= dict(zip(group, found, strict=True))
+        spent = zip((costs[index] for index in group), found, strict=True)
+        left = max(BUDGET - LARGE_BUDGET, BUDGET - _load(spent))
+    return [
+        msgspec.structs.replace(draft, interval_s=intervals[index])
+        for index, draft in enumerate(drafts)
+    ]
+
+
+def _within(priced: Sequence[tuple[TopicDraft, float]], budget: float) -> list[float | None]:
+    """Return the shortest intervals with which topics stay within a share of the time."""
+    intervals: list[float | None] = []
     stretch = 1.0
     for _ in range(_MOST_TURNS):
-        intervals = [_interval_s(draft, stretch) for draft in drafts]
-        load = sum(
-            cost / interval
-            for cost, interval in zip(costs, intervals, strict=True)
-            if interval is not None
-        )
-        if load <= BUDGET:
+        intervals = [_interval_s(draft, cost_s, stretch) for draft, cost_s in priced]
+        costs = (cost_s for _, cost_s in priced)
+        if _load(zip(costs, intervals, strict=True)) <= budget:
             break
         stretch *= 1.15
-    return [
-        msgspec.structs.replace(draft, interval_s=interval)
-        for draft, interval in zip(drafts, intervals, strict=True)
-    ]
+    return intervals
+
+
+def _load(priced: Iterable[tuple[float, float | None]]) -> float:
+    """Return the share of the time that samples of some cost take at their intervals."""
+    return sum(cost_s / interval_s for cost_s, interval_s in priced if interval_s)
 
 
 def _cost_s(draft: TopicDraft, size_bytes: int, profile: ModemProfile) -> float:
@@ -84,7 +102,7 @@ def _cost_s(draft: TopicDraft, size_bytes: int, profile: ModemProfile) -> float:
     return frame_s + answer_s
 
 
-def _interval_s(draft: TopicDraft, stretch: float) -> float | None:
+def _interval_s(draft: TopicDraft, cost_s: float, stretch: float) -> float | None:
     """Return the least time between two samples, s; None: it was published once or never."""
     seen = draft.seen
     period_s = seen.period_s
@@ -93,9 +111,10 @@ def _interval_s(draft: TopicDraft, stretch: float) -> float | None:
         period_s = 1 / seen.rate_hz if seen.samples > 1 and seen.rate_hz > 0 else None
     if period_s is None and (draft.parts_s is None or not seen.samples):
         return None
-    if draft.parts_s is not None:
-        return _near(period_s or draft.parts_s)
-    least_s = INTERVAL_S * _WEIGHTS.get(draft.priority, 1.0) * stretch
+    if draft.parts_s is not None and period_s is None:
+        return _near(draft.parts_s) if seen.samples else None
+    usual_s = INTERVAL_S if draft.parts_s is None else cost_s / LARGE_BUDGET
+    least_s = usual_s * _WEIGHTS.get(draft.priority, 1.0) * stretch
     return min(LONGEST_S, max(_rounded(least_s), _near(period_s or 0.0)))
 
 

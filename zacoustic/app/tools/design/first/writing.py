@@ -4,14 +4,16 @@ The text is read back before it is returned, and every observed payload must fit
 that fails becomes opaque bytes.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+import os
+from collections.abc import Callable, Iterator, Sequence, Set
+from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
 from zacoustic.app.tools.design.first.drafting import (
     Overlaid,
-    RosDraft,
+    Served,
     TopicDraft,
     draft_topic,
     type_names,
@@ -30,13 +32,17 @@ from zacoustic.core.streams.specs import LAST_STREAM_ID
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.objects.limits import LARGEST_BYTES
 from zacoustic.core.values.encoding import CBOR, OPAQUE
-from zacoustic.errors import ConfigError
+from zacoustic.errors import ConfigError, LocalError
 from zacoustic.text.safetext import json_line
 
 FIRST_ID: Final = 10
 """Stream id of the first topic; lower ones are left for more important topics."""
+_USUAL_PORT: Final = 7447
+"""Port on which Zenoh's routers listen."""
 DEFAULT_LINK: Final = "sim/127.0.0.1:7000"
 """Locator of a modem that is not named."""
+_UNBOUNDED_BYTES: Final = 4096
+"""Assumed size of a sample that nobody published, whose type has no largest one."""
 _UNSEEN_BYTES: Final = 16
 """Assumed size of a sample that nobody published."""
 
@@ -50,6 +56,8 @@ class Side(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the node, one chunk of a key."""
     locator: str | None = None
     """Locator of its modem; None: not known yet."""
+    folder: Path = Path()
+    """Folder of its file."""
 
 
 HERE: Final = Side(address=1, name="here")
@@ -80,11 +88,12 @@ class _Content(msgspec.Struct, frozen=True, kw_only=True):
     here: Side
     there: Side
     drafts: list[TopicDraft]
-    services: list[tuple[str, str | None]]
-    """Name and ROS type; None: it is not of ROS."""
+    services: list[Served]
     left_out: list[str]
     ros: RosNetwork | None
+    peer: Survey | None
     peer_listen: str
+    packages: Path | None
     others: tuple[Side, ...]
 
 
@@ -107,7 +116,8 @@ def write_files(
     here: Side = HERE,
     there: Side = THERE,
     peer: Survey | None = None,
-    peer_listen: str = "tcp/127.0.0.1:7447",
+    peer_listen: str | None = None,
+    packages: Path | None = None,
     others: Sequence[Side] = (),
     profile: str = DEFAULT_PROFILE,
     choose: Callable[[Sequence[TopicDraft]], Sequence[TopicDraft]] = lambda drafts: drafts,
@@ -119,7 +129,9 @@ def write_files(
         here: This side.
         there: The other side.
         peer: What was observed on the other side; None: it was not listened to.
-        peer_listen: Where the other side's router listens.
+        peer_listen: Where the other side's router listens; None: on the usual port, or on the next
+            if this side's router has that one.
+        packages: Folder with definitions of ROS that do not ship.
         others: Further nodes of the fleet.
         profile: The modem.
         choose: Changes the drafts before they are written, as a user does who is asked.
@@ -128,34 +140,52 @@ def write_files(
         ConfigError: Nothing was observed that could be a stream.
     """
     modem = profile_named(profile)
-    content = _content(survey, here, there, peer, peer_listen)
-    content = msgspec.structs.replace(content, others=tuple(others))
-    config = _read(_own_text(content))  # without intervals: for the sizes
-    sizes = [
-        _largest_bytes(draft, config.table.by_id(stream_id), content.ros)
+    content = _content(survey, here, there, peer, packages)
+    content = msgspec.structs.replace(
+        content,
+        others=tuple(others),
+        peer_listen=peer_listen or _free_of(survey.endpoint),
+        packages=packages,
+    )
+    config = _read(_own_text(content), here)  # without intervals: for the sizes
+    found = [
+        _crossing(draft, config.table.by_id(stream_id), content.ros)
         for stream_id, draft in enumerate(content.drafts, FIRST_ID)
     ]
+    named = zip(content.drafts, found, strict=True)
+    content.left_out.extend(
+        f"{draft.name}: {each.refused}" for draft, each in named if each.refused
+    )
+    sizes = [each.largest_bytes for each in found]
     drafts = [sized(each, size, modem) for each, size in zip(content.drafts, sizes, strict=True)]
     drafts = list(choose(paced(drafts, sizes, modem)))
     if not (drafts or content.services):
         raise ConfigError("nothing is left", hint="keep a topic")
     content = msgspec.structs.replace(content, drafts=drafts)
     text, peer_text = _own_text(content), _peer_text(content)
-    _read(peer_text)
+    config = _read(text, here)
+    _read(peer_text, there)
     return Files(
         text=text,
         peer_text=peer_text,
-        config=_read(text),
+        config=config,
         drafts=tuple(drafts),
-        examples=tuple(_example(each, content.ros) for each in drafts),
+        examples=tuple(
+            _example(each, config.table.by_id(stream_id), content.ros)
+            for stream_id, each in enumerate(drafts, FIRST_ID)
+        ),
         left_out=tuple(content.left_out),
     )
 
 
 def _content(
-    survey: Survey, here: Side, there: Side, peer: Survey | None, peer_listen: str
+    survey: Survey, here: Side, there: Side, peer: Survey | None, packages: Path | None
 ) -> _Content:
-    ros = joined(ros_network(survey), None if peer is None else ros_network(peer))
+    ros = joined(
+        ros_network(survey, packages=packages),
+        None if peer is None else ros_network(peer, packages=packages),
+        both=peer is not None,
+    )
     accounted = ros.keys if ros is not None else frozenset()
     topics = [topic for topic in survey.topics if topic.key not in accounted]
     own = {topic.key for topic in topics}
@@ -178,18 +208,24 @@ def _content(
     ]
     foreign = {topic.key for topic in from_peer}
     names = type_names([topic.key for topic in usable])
+    spoken = set() if peer is None else own & {topic.key for topic in peer.topics}
     drafts = [
-        msgspec.structs.replace(draft_topic(topic, name), is_from_peer=topic.key in foreign)
+        msgspec.structs.replace(
+            draft_topic(topic, name),
+            is_from_peer=topic.key in foreign,
+            is_from_both=topic.key in spoken,
+        )
         for topic, name in zip(usable, names, strict=True)
     ]
     drafts += [] if ros is None else ros.drafts
     left_out += [] if ros is None else ros.left_out
+    if peer is not None and _are_joined(survey, peer):
+        left_out.append(
+            f"{survey.endpoint} and {peer.endpoint} are one network: part their routers, as they "
+            "are at sea, and listen again"
+        )
     taken = {topic.key for topic in usable}
-    services: list[tuple[str, str | None]] = [
-        (key, None)
-        for key in survey.services
-        if _fault_of(key) is None and key not in taken and key not in accounted
-    ]
+    services = list(_services(survey, peer, taken | accounted))
     services += [] if ros is None else list(ros.services)
     room = LAST_STREAM_ID - FIRST_ID + 1
     left_out += [f"{draft.name}: no stream id left" for draft in drafts[room:]]
@@ -201,8 +237,30 @@ def _content(
         )
     return _Content(
         survey=survey, here=here, there=there, drafts=drafts, services=services,
-        left_out=left_out, ros=ros, peer_listen=peer_listen, others=(),
+        left_out=left_out, ros=ros, peer=peer, peer_listen="", others=(), packages=None,
     )  # fmt: skip
+
+
+def _services(survey: Survey, peer: Survey | None, known: Set[str]) -> Iterator[Served]:
+    """Yield the services that are not of ROS: those of the other side are called here."""
+    seen = {*known}
+    sides = [(survey.services, False), (survey.called if peer is None else peer.services, True)]
+    for keys, is_from_peer in sides:
+        for key in keys:
+            if key not in seen and _fault_of(key) is None:
+                seen.add(key)
+                yield Served(name=key, is_from_peer=is_from_peer)
+
+
+def _are_joined(survey: Survey, peer: Survey) -> bool:
+    """Tell whether both sides are one network: gateways on both would send everything round."""
+    return bool({*survey.ids} & {*peer.ids})
+
+
+def _free_of(endpoint: str | None) -> str:
+    """Return where another router can listen on this machine."""
+    is_here = endpoint is not None and endpoint.endswith(f":{_USUAL_PORT}")
+    return f"tcp/127.0.0.1:{_USUAL_PORT + is_here}"
 
 
 def _unseen(key: str) -> SeenTopic:
@@ -211,35 +269,66 @@ def _unseen(key: str) -> SeenTopic:
     )
 
 
-def _read(text: str) -> Config:
+def _read(text: str, side: Side) -> Config:
     whole: Any = parse_json5(text, source="the first configuration")
-    return config_from_mapping(whole["plugins"]["acoustic"], source="the first configuration")
+    section = whole["plugins"]["acoustic"]
+    return config_from_mapping(section, source="the first configuration", folder=side.folder)
 
 
-def _largest_bytes(draft: TopicDraft, stream: Stream, ros: RosNetwork | None) -> int:
-    """Return the largest transmitted payload of the observed values, bytes."""
+class _Crossing(msgspec.Struct, frozen=True):
+    """The observed values of a topic as they cross."""
+
+    values: tuple[Any, ...]
+    """Those that are not refused."""
+    largest_bytes: int
+    """Largest transmitted payload, bytes."""
+    refused: str
+    """How many would be refused, and why; empty: none."""
+
+
+def _crossing(draft: TopicDraft, stream: Stream, ros: RosNetwork | None) -> _Crossing:
+    """Return the observed values of a topic as they cross."""
     seen = draft.seen
-    if not draft.values:
-        return seen.largest_bytes or _UNSEEN_BYTES
-    largest = max(len(stream.codec.encode(value)) for value in _crossing(draft, ros))
-    # What is too large to be a value of a type was only counted.
-    return max(largest, seen.largest_bytes) if seen.largest_bytes > PAYLOAD_LIMIT_BYTES else largest
+    read = _reader(draft, ros)
+    values, sizes, refusals = [], [0], []
+    for each in seen.payloads if draft.ros is not None else draft.values:
+        try:
+            value = read(each)
+            sizes.append(len(stream.codec.encode(value)))
+        except LocalError as error:
+            refusals.append(str(error))
+            continue
+        values.append(value)
+    largest = max(sizes) if values else (seen.largest_bytes or _unseen_bytes(draft, stream))
+    if seen.largest_bytes > PAYLOAD_LIMIT_BYTES:
+        # What is too large to be a value of a type was only counted.
+        largest = max(largest, seen.largest_bytes)
+    share = f"{len(refusals)} of {len(refusals) + len(values)} samples"
+    refused = f"{share} would be refused; the first: {refusals[0]}" if refusals else ""
+    return _Crossing(tuple(values), largest, refused)
 
 
-def _example(draft: TopicDraft, ros: RosNetwork | None) -> Any:  # noqa: ANN401
-    is_typed = draft.types or draft.ros is not None
-    return _crossing(draft, ros)[-1] if is_typed and draft.values else None
+def _unseen_bytes(draft: TopicDraft, stream: Stream) -> int:
+    """Return the size of a sample that nobody published: the largest of its type, if it has one.
+
+    A type without a largest size may need more than a frame, so it is reliable: then all crosses.
+    """
+    if draft.ros is None:
+        return _UNSEEN_BYTES
+    return stream.codec.largest_bytes or _UNBOUNDED_BYTES
 
 
-def _crossing(draft: TopicDraft, ros: RosNetwork | None) -> Sequence[Any]:
-    """Return the observed values as they cross."""
-    if draft.ros is not None and ros is not None:
-        return _overlaid(draft.ros, draft, ros)
-    return draft.values
+def _example(draft: TopicDraft, stream: Stream, ros: RosNetwork | None) -> Any:  # noqa: ANN401
+    if not draft.types and draft.ros is None:
+        return None
+    values = _crossing(draft, stream, ros).values
+    return values[-1] if values else None
 
 
-def _overlaid(said: RosDraft, draft: TopicDraft, ros: RosNetwork) -> list[Any]:
-    """Return the observed values of a ROS topic as they cross with its overlays."""
+def _reader(draft: TopicDraft, ros: RosNetwork | None) -> Callable[[Any], Any]:
+    """Return what makes a value of a kept one: a ROS topic has payloads, and its overlays."""
+    if draft.ros is None or ros is None:
+        return lambda value: value
     from zacoustic.ros.interfaces import Interfaces
     from zacoustic.ros.mapping import TypeMapper
     from zacoustic.ros.messages import HeaderStamp, RosMessage
@@ -252,10 +341,10 @@ def _overlaid(said: RosDraft, draft: TopicDraft, ros: RosNetwork) -> list[Any]:
         )
         for each in ros.overlays
     ]
-    interfaces = Interfaces(ros.distro)
-    stamp = HeaderStamp.AGE if said.has_header else HeaderStamp.EXACT
-    message = RosMessage(interfaces, TypeMapper(interfaces, overlays), said.interface, stamp)
-    return [message.read(payload)[0] for payload in draft.seen.payloads]
+    interfaces = Interfaces(ros.distro, ros.packages)
+    stamp = HeaderStamp.AGE if draft.crosses_as_age else HeaderStamp.EXACT
+    message = RosMessage(interfaces, TypeMapper(interfaces, overlays), draft.ros.interface, stamp)
+    return lambda payload: message.read(payload)[0]
 
 
 def _fault_of(key: str) -> str | None:
@@ -264,22 +353,30 @@ def _fault_of(key: str) -> str | None:
 
 
 def _own_text(content: _Content) -> str:
-    endpoint = _text(content.survey.endpoint)
-    zenoh = [
-        '  mode: "client",',
-        f"  connect: {{ endpoints: [{endpoint}] }},",
-        "  scouting: { multicast: { enabled: false } },",
-    ]
-    return _file(content, content.here, content.there, zenoh)
+    return _file(content, content.here, content.there, _joining(content.survey))
 
 
 def _peer_text(content: _Content) -> str:
-    zenoh = [
-        '  mode: "router", // programs on this side connect to it',
-        f"  listen: {{ endpoints: [{_text(content.peer_listen)}] }},",
-        "  scouting: { multicast: { enabled: false } },",
-    ]
+    if content.peer is not None:
+        zenoh = _joining(content.peer)
+    else:
+        zenoh = [
+            '  mode: "router", // programs on this side connect to it',
+            f"  listen: {{ endpoints: [{_text(content.peer_listen)}] }},",
+            "  scouting: { multicast: { enabled: false } },",
+        ]
     return _file(content, content.there, content.here, zenoh)
+
+
+def _joining(survey: Survey) -> list[str]:
+    """Return how a gateway joins the network that was listened to."""
+    lines = [] if survey.endpoint is None else [
+        f"  connect: {{ endpoints: [{_text(survey.endpoint)}] }},"
+    ]  # fmt: skip
+    mode = "client" if survey.has_router else "peer"
+    multicast = "true" if survey.endpoint is None else "false"
+    scouting = f"  scouting: {{ multicast: {{ enabled: {multicast} }} }},"
+    return [f'  mode: "{mode}",', *lines, scouting]
 
 
 def _file(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> str:
@@ -302,7 +399,8 @@ def _node_lines(nodes: Sequence[Side]) -> Iterator[str]:
 
 def _lines(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> Iterator[str]:
     survey = content.survey
-    yield f"// Written by zacoustic config init after {survey.listened_s:g} s at {survey.endpoint}."
+    where = f"at {survey.endpoint}" if survey.endpoint else "to peers"
+    yield f"// Written by zacoustic config init after {survey.listened_s:g} s {where}."
     yield "// A first draft: look for EDIT. `zacoustic config check FILE` shows what each costs."
     yield "{"
     yield from zenoh
@@ -316,7 +414,12 @@ def _lines(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> I
     yield f"    links: [ {{ locator: {_text(own.locator or DEFAULT_LINK)} }} ],"
     if content.ros is not None:
         distro = _text(content.ros.distro)
-        yield f"    ros: {{ distro: {distro}, domain: {content.ros.domain} }},"
+        domain = content.ros.domain if own is content.here else content.ros.peer_domain
+        keys = f"distro: {distro}, domain: {domain}"
+        if content.packages is not None:
+            written = os.path.relpath(content.packages, own.folder)
+            keys += f", packages: {_text(Path(written).as_posix())}"
+        yield f"    ros: {{ {keys} }},"
     yield ""
     yield "    types: ["
     for draft in content.drafts:
@@ -337,8 +440,9 @@ def _lines(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> I
     for stream_id, draft in enumerate(content.drafts, FIRST_ID):
         yield from _topic_lines(stream_id, draft, content)
     first = FIRST_ID + len(content.drafts)
-    for stream_id, (key, interface) in enumerate(content.services, first):
-        yield _service_line(stream_id, key, interface, content.here.address)
+    for stream_id, service in enumerate(content.services, first):
+        server = content.there if service.is_from_peer else content.here
+        yield _service_line(stream_id, service, server.address)
     if not content.services and not survey.tells_services:
         yield "      // Services cannot be seen: this router has no admin space. As in:"
         yield '      // { id: 100, service: "auv1/arm", server: 1, timeout_s: 60 },'
@@ -364,13 +468,16 @@ def _overlay_lines(overlay: Overlaid) -> Iterator[str]:
     yield "      ] },"
 
 
-def _service_line(stream_id: int, key: str, interface: str | None, server: int) -> str:
-    keys: dict[str, object] = {"id": stream_id, "service": key}
-    if interface is not None:
-        keys["type"] = interface
-    keys |= {"server": server, "timeout_s": 60}
-    ros = ", ros: {}" if interface is not None else ""
-    priority = priority_of(key)
+def _service_line(stream_id: int, each: Served, server: int) -> str:
+    keys: dict[str, object] = {"id": stream_id}
+    keys["action" if each.is_action else "service"] = each.name
+    if each.interface is not None:
+        keys["type"] = each.interface
+    keys["server"] = server
+    if not each.is_action:
+        keys["timeout_s"] = 60
+    ros = ", ros: {}" if each.interface is not None else ""
+    priority = priority_of(each.name)
     if priority in COMMANDING:
         keys["priority"] = priority
     return f"      {{ {_keys(keys)}{ros} }},"
@@ -380,15 +487,18 @@ def _topic_lines(stream_id: int, draft: TopicDraft, content: _Content) -> Iterat
     topic = draft.seen
     sizes = f"{topic.smallest_bytes}..{topic.largest_bytes} bytes of {topic.encoding}"
     said = f"{topic.samples} samples, {topic.rate_hz:.3g} per second, {sizes}"
-    if not topic.samples:
-        said = f"subscribed at {content.here.name}, nobody published it"
+    other = content.here if draft.is_from_peer else content.there
+    publisher = content.there if draft.is_from_peer else content.here
+    if not topic.samples and topic.payloads:
+        said = f"latched at {publisher.name}, {topic.smallest_bytes}..{topic.largest_bytes} bytes"
+    elif not topic.samples:
+        said = f"subscribed at {other.name}, nobody published it"
+        if draft.is_silent:
+            said = f"published at {publisher.name}, which said nothing meanwhile"
     yield f"      // {_comment(said)}{'; ' + _comment(draft.remark) if draft.remark else ''}"
     if draft.parts_s is not None:
-        yield "      // Larger than a frame: in parts, which only reliable topics are."
-    if draft.is_too_often:
-        yield "      // EDIT: it may be published faster than it crosses; a newer one replaces it:"
-        yield "      // publish it less often, or delete it."
-    publisher = content.there if draft.is_from_peer else content.here
+        what = "Larger than a frame" if topic.payloads or topic.samples else "Perhaps large"
+        yield f"      // {what}: in parts, which only reliable topics are."
     keys: dict[str, object] = {"id": stream_id, "topic": draft.name}
     if draft.ros is not None:
         keys |= {"type": draft.ros.interface, "codec": "packed"}
@@ -398,18 +508,24 @@ def _topic_lines(stream_id: int, draft: TopicDraft, content: _Content) -> Iterat
             keys["encoding"] = draft.encoding
     elif draft.encoding != OPAQUE:
         keys["encoding"] = draft.encoding
-    keys |= {"publishers": [publisher.address], "lifespan_s": draft.parts_s or LIFESPAN_S}
+    publishers = [publisher.address, *([other.address] if draft.is_from_both else [])]
+    keys["publishers"] = sorted(publishers)
+    if not (draft.is_latched and draft.is_reliable):  # what is latched is not too old to cross
+        keys["lifespan_s"] = draft.parts_s or LIFESPAN_S
     if draft.priority != USUAL:
         keys["priority"] = draft.priority
     if draft.is_reliable:
         keys["reliability"] = "reliable"
-    if draft.parts_s is not None:
+    if draft.is_latched:
+        keys["durability"] = "transient_local"
+        keys["depth"] = draft.seen.kept
+    if draft.parts_s is not None and topic.largest_bytes:
         keys["max_bytes"] = min(LARGEST_BYTES, 2 * topic.largest_bytes)
     if draft.interval_s:
         keys["min_interval_s"] = draft.interval_s
     ros = ""
     if draft.ros is not None:
-        ros = ', ros: { stamp: "age" }' if draft.ros.has_header else ", ros: {}"
+        ros = ', ros: { stamp: "age" }' if draft.crosses_as_age else ", ros: {}"
     yield f"      {{ {_keys(keys)}{ros} }},"
 
 

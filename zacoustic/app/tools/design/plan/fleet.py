@@ -107,7 +107,8 @@ def fleet_of(path: Path, recordings: Sequence[str], channel: AssumedChannel) -> 
     )
     table = next(iter(fleet.tables.values()))
     if recordings:
-        found = read_recordings(recordings, table, only_dense=False, window_s=_WINDOW_S)
+        ros = read_fleet(path).ros if is_config else None
+        found = read_recordings(recordings, table, only_dense=False, window_s=_WINDOW_S, ros=ros)
         fleet.notes = list(found.notes)
         fleet.offers = offers_of_recording(found.missions, table, list(fleet.tables))
         fleet.refused = {

@@ -16,3 +16,10 @@ class Line(msgspec.Struct, frozen=True):
     """The stream, by name or id."""
     content: Any
     """The value."""
+
+
+class Cdr(msgspec.Struct, frozen=True):
+    """The content of a line of a ROS 2 bag: only the stream's type tells what it means."""
+
+    data: bytes
+    """The message."""

@@ -29,6 +29,10 @@ def read_lines(path: str) -> Iterator[Line]:
     Raises:
         ConfigError: The file cannot be read, or a line is wrong; reports the first.
     """
+    if Path(path).is_dir():
+        for each in _bag(Path(path)):
+            yield from read_mcap(str(each))
+        return
     if is_recording(path) or path.endswith(".mcap"):
         yield from read_mcap(path)
         return
@@ -48,6 +52,21 @@ def read_lines(path: str) -> Iterator[Line]:
         raise ConfigError(f"{path}: damaged: {error}; allowed: gzip, or plain text") from error
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or error}") from error
+
+
+def _bag(folder: Path) -> list[Path]:
+    """Return the files of a bag of ROS 2, in order.
+
+    Raises:
+        ConfigError: It has none in MCAP.
+    """
+    found = sorted(folder.glob("*.mcap"))
+    if not found:
+        raise ConfigError(
+            f"{folder}: a folder without .mcap; allowed: recordings, or bags of ROS 2 in MCAP",
+            hint="ros2 bag convert makes MCAP of other bags",
+        )
+    return found
 
 
 def _open(path: Path) -> IO[bytes] | gzip.GzipFile:

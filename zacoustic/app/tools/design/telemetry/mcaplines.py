@@ -1,4 +1,4 @@
-"""A recording in MCAP as lines: the JSON values of topics, from any program.
+"""A recording in MCAP as lines: the JSON values of topics, from any program, and bags of ROS 2.
 
 In a node's own recording its published samples count, and received ones only if no publisher of the
 topic is in the file, so each sample appears once. Topics of other programs keep their names.
@@ -10,9 +10,10 @@ from typing import Final, NamedTuple
 
 import msgspec
 
-from zacoustic.app.tools.design.telemetry.line import Line
+from zacoustic.app.tools.design.telemetry.line import Cdr, Line
 from zacoustic.run.recording.reading import ReadMessage, RecordingReader
 
+_CDR: Final = "cdr"
 _OURS: Final = re.compile(r"/([0-9]{1,3})/(published|received)/(.+)")
 _NO_VALUES: Final = re.compile(
     r"/\d+/(engine|frames|reports|links|events|ledger)|/samples|/table|/@acoustic/.*"
@@ -42,17 +43,20 @@ def read_mcap(path: str) -> Iterator[Line]:
         place = _place(message)
         if place is None or best.get(place.key) != place.rank:
             continue
+        at_s = (message.utc_ns - (first_ns or 0)) / 1e9
+        if message.encoding == _CDR:
+            yield Line(f"{path}: message {number}", at_s, place.key, Cdr(message.data))
+            continue
         try:
             value = msgspec.json.decode(message.data)
         except (msgspec.DecodeError, RecursionError):
             continue
-        at_s = (message.utc_ns - (first_ns or 0)) / 1e9
         yield Line(f"{path}: message {number}", at_s, place.key, value)
 
 
 def _place(message: ReadMessage) -> _Place | None:
     """Return the place of a message's value; None: it is no value."""
-    if message.encoding != "json":
+    if message.encoding not in ("json", _CDR):
         return None
     ours = _OURS.fullmatch(message.topic)
     if ours is not None:

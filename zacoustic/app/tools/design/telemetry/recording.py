@@ -11,15 +11,18 @@ from typing import Any, Final
 
 import msgspec
 
+from zacoustic.app.tools.design.telemetry.line import Cdr
 from zacoustic.app.tools.design.telemetry.lines import read_lines
 from zacoustic.app.tools.design.telemetry.names import StreamNames
 from zacoustic.app.tools.design.telemetry.values import value_of
+from zacoustic.config.ros import RosConfig
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.qos import Stamp
 from zacoustic.core.streams.table import AGE_FIELD, Stream, StreamTable, aged
 from zacoustic.core.values.age import encode_age
 from zacoustic.core.values.types import FieldSpec, Lattice, OutsideValues, TypeSpec
 from zacoustic.errors import ConfigError, PayloadInvalidError
+from zacoustic.ros.streams import RosTopic
 
 _SHOWN_NAMES: Final = 12
 
@@ -65,7 +68,12 @@ class Recordings(msgspec.Struct, kw_only=True):
 
 
 def read_recordings(
-    paths: Iterable[str], table: StreamTable, *, only_dense: bool, window_s: float
+    paths: Iterable[str],
+    table: StreamTable,
+    *,
+    only_dense: bool,
+    window_s: float,
+    ros: RosConfig | None = None,
 ) -> Recordings:
     """Read recordings.
 
@@ -74,11 +82,12 @@ def read_recordings(
         table: The streams; only typed topics count.
         only_dense: Only dense topics count.
         window_s: Time at whose end samples are sent, s: it makes their age, if they have a stamp.
+        ros: The configuration's streams of ROS 2, which messages in CDR are of; None: none.
 
     Raises:
         ConfigError: A file or a line is wrong, or there are no samples.
     """
-    reading = _Reading(table, only_dense=only_dense, window_s=window_s)
+    reading = _Reading(table, only_dense=only_dense, window_s=window_s, ros=ros)
     names = list(paths)
     for path in names:
         reading.read(path)
@@ -86,7 +95,11 @@ def read_recordings(
 
 
 class _Reading:
-    def __init__(self, table: StreamTable, *, only_dense: bool, window_s: float) -> None:
+    def __init__(
+        self, table: StreamTable, *, only_dense: bool, window_s: float, ros: RosConfig | None
+    ) -> None:
+        self._ros = ros
+        self._unread: dict[str, tuple[int, str]] = {}
         self._names = StreamNames(table)
         self._untyped = StreamNames(table, are_typed=False)
         self._only_dense = only_dense
@@ -105,7 +118,12 @@ class _Reading:
                     continue
                 stream = named.stream
                 assert stream.type is not None
-                value = value_of(stream.type, line.content)
+                if isinstance(line.content, Cdr):
+                    value = self._of_ros(stream, line.content)
+                    if value is None:
+                        continue
+                else:
+                    value = value_of(stream.type, line.content)
             except ConfigError as error:
                 raise ConfigError(f"{line.place}: {error.args[0]}", hint=error.hint) from None
             streams[stream.stream_id] = stream
@@ -118,8 +136,26 @@ class _Reading:
             samples.sort(key=lambda sample: sample[0])
             self._add_mission(path, streams, samples)
 
+    def _of_ros(self, stream: Stream, content: Cdr) -> dict[str, Any] | None:
+        """Return the value of a message in CDR as its topic has it; None: it cannot be read."""
+        streams = {} if self._ros is None else self._ros.streams
+        topic = streams.get(stream.stream_id)
+        reason = "CDR, and the topic has no `ros` in the configuration"
+        if isinstance(topic, RosTopic):
+            try:
+                return topic.message.read(content.data)[0]
+            except PayloadInvalidError as error:
+                reason = str(error)
+        count, first = self._unread.get(stream.name, (0, reason))
+        self._unread[stream.name] = (count + 1, first)
+        return None
+
     def finish(self, files: str) -> Recordings:
         found = self._found
+        unread = [f"{name}: {n} messages: {why}" for name, (n, why) in self._unread.items()]
+        found.notes += unread
+        if not found.missions and unread:
+            raise ConfigError(f"{files}: no sample that can be read; {unread[0]}")
         if not found.missions:
             kind = "dense topic" if self._only_dense else "typed topic"
             names = ", ".join(list(self._left_out)[:_SHOWN_NAMES])

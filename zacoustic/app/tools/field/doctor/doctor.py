@@ -16,6 +16,7 @@ from zacoustic.app.tools.field.doctor.host import (
 )
 from zacoustic.app.tools.field.doctor.network import Running, look
 from zacoustic.app.tools.field.doctor.ntp import ask_time
+from zacoustic.app.tools.field.doctor.rosnodes import judge_nodes
 from zacoustic.app.tools.field.doctor.running import judge
 from zacoustic.app.tools.security.keycheck import check_keys, check_room, check_running
 from zacoustic.channel.profiles import profile_named
@@ -117,6 +118,9 @@ class _Rounds:
         self.findings += found
         if running.is_joined or found:
             self.examined.append("router")
+        if running.tokens:
+            self.examined.append("nodes of ROS 2")
+            self.findings += judge_nodes(config, running)
         link = self._link(running.locator)
         if running.health:
             self.examined.append(f"gateway of node {config.address}, which runs")

@@ -1,7 +1,9 @@
 """The local network: is the router reachable, and does a gateway of this node run already?"""
 
 import asyncio
+import json
 import re
+import threading
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -11,6 +13,7 @@ import zenoh
 from zacoustic.config import Config
 from zacoustic.errors import SessionError
 from zacoustic.link.contract import Finding
+from zacoustic.ros.tokens import PREFIX as ROS_PREFIX
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.asking.commands import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession, endpoints_of, mode_of
@@ -19,6 +22,9 @@ _TCP: Final = re.compile(r"(?:tcp|tls|ws)/(\[.*\]|[^:/]+):([0-9]{1,5})")
 _ANSWERS_S: Final = 3.0
 """Time for the documents of a gateway, s."""
 _CONNECT_S: Final = 3.0
+_TRIES: Final = 3
+_BETWEEN_S: Final = 0.5
+"""Time for a peer to meet others, s, with the tries."""
 
 
 class Running(msgspec.Struct, kw_only=True):
@@ -30,6 +36,10 @@ class Running(msgspec.Struct, kw_only=True):
     """Documents of this node's gateway, by name; empty: none runs."""
     digests: tuple[str, ...] = ()
     """Digests of the tables of gateways with this address."""
+    tokens: tuple[str, ...] = ()
+    """Liveliness tokens of ROS nodes."""
+    unmet: tuple[str, ...] = ()
+    """Those of them that a session like the gateway's does not see."""
 
     @property
     def locator(self) -> str:
@@ -61,11 +71,41 @@ async def look(config: Config, connect: Sequence[str]) -> tuple[Running, list[Fi
     except SessionError as error:
         return Running(), [_unreachable(endpoints, str(error))] if must_be_there else []
     try:
-        return await zenoh_session.worker.run(
+        running = await zenoh_session.worker.run(
             lambda: _read(zenoh_session.session, config.address)
-        ), []
+        )
     finally:
         await zenoh_session.close()
+    if running.tokens and file is not None and _is_peer_without_gossip(file):
+        seen = await asyncio.to_thread(_seen_as_peer, file, reachable)
+        running.unmet = tuple(each for each in running.tokens if each not in seen)
+    return running, []
+
+
+def _is_peer_without_gossip(file: zenoh.Config) -> bool:
+    gossip = file.get_json("scouting/gossip/enabled")
+    return mode_of(file) == "peer" and gossip.strip() == "false"
+
+
+def _seen_as_peer(file: zenoh.Config, connect: Sequence[str]) -> set[str]:
+    """Return the tokens that a peer with the settings of the file sees."""
+    settings = zenoh.Config.from_json5(str(file))
+    settings.insert_json5("listen/endpoints", "[]")
+    settings.insert_json5("connect/endpoints", json.dumps(list(connect)))
+    try:
+        with zenoh.open(settings) as session:
+            found: set[str] = set()
+            for _ in range(_TRIES):
+                found |= _ros_tokens(session)
+                threading.Event().wait(_BETWEEN_S)
+            return found
+    except zenoh.ZError:
+        return set()
+
+
+def _ros_tokens(session: zenoh.Session) -> set[str]:
+    replies = session.liveliness().get(f"{ROS_PREFIX}/**", timeout=_ANSWERS_S)
+    return {str(reply.ok.key_expr) for reply in replies if reply.ok is not None}
 
 
 def _endpoints(config: Config) -> tuple[str, ...]:
@@ -102,7 +142,12 @@ def _read(session: zenoh.Session, address: int) -> Running:
         for reply in session.liveliness().get(f"{own}/gateway/*", timeout=_ANSWERS_S)
         if reply.ok is not None
     }
-    return Running(is_joined=True, health=health, digests=tuple(sorted(digests)))
+    return Running(
+        is_joined=True,
+        health=health,
+        digests=tuple(sorted(digests)),
+        tokens=tuple(sorted(_ros_tokens(session))),
+    )
 
 
 def _decoded(payload: bytes) -> object:
