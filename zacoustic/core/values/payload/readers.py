@@ -262,7 +262,7 @@ def _bytes_reader(field: FieldSpec, major: int = BYTES) -> Read:
     def read(buffer: bytes, offset: int) -> tuple[bytes, int]:
         content, offset = read_content(buffer, offset, major)
         if len(content) < shortest or (longest is not None and len(content) > longest):
-            allowed = field.allowed_bytes
+            allowed = field.allowed_bytes if shortest else longest
             raise PayloadError(f"{field.name} has {len(content)} bytes; allowed: {allowed}")
         return content, offset
 
