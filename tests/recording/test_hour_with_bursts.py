@@ -116,3 +116,14 @@ def test_the_ladder_and_the_graph_book_what_the_ledgers_book(hour: Hour) -> None
         peers: Any = PeerTable(runner, hour.traffic[other]).documents()["peers"]
         (link,) = peers[str(node)]["received"].values()
         assert link["airtime_s"] == pytest.approx(own_s, abs=0.002)
+
+
+def test_a_lean_reading_has_the_same_figures_and_losses(hour: Hour) -> None:
+    whole, lean = Facts(), Facts(lean=True)
+    for facts in (whole, lean):
+        add_messages(facts, hour.sink.messages)
+    assert figures_of(lean) == figures_of(whole)
+    assert losses_over_time(lean, 30) == losses_over_time(whole, 30)
+    assert lean.reports == []
+    assert len(lean.frames) == len(whole.frames)
+    assert {each.value for each in lean.published} == {None}

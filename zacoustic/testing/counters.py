@@ -1,16 +1,23 @@
 """Counts the results of a run on a `VirtualNetwork`: by stream, by cause, by kind of loss."""
 
+from collections import deque
 from collections.abc import Mapping
+from typing import Final
 
 import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.base.qos import Reliability
 from zacoustic.core.base.stats import NO_STREAM
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.testing.scenarios.checker import Arrived, Checker, Publication
 from zacoustic.testing.virtual import VirtualNetwork
+
+_SAID_KEPT: Final = 4096
+_ON_CHANNEL_NS: Final = seconds_to_ns(5.0)
+"""A sample that was published so lately may still be on the channel."""
 
 
 class StreamResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -32,6 +39,9 @@ class StreamResult(msgspec.Struct, frozen=True, kw_only=True):
     """Samples that arrived again."""
     out_of_order: int
     """Samples that arrived after a newer one of the same key and source."""
+    under_way: int = 0
+    """Of those expected and not delivered: they wait, are on the channel, or may still be repeated
+    at the end; calls without an end. They are not lost."""
     failed: int
     """Calls that ended without an answer."""
     refused: int
@@ -109,10 +119,13 @@ class Counters(Checker):
         """Count it, and its receivers."""
         counts = self._of(publication.stream)
         counts.published += 1
+        receivers = []
         for node, table in self._tables.items():
             stream = table.get(publication.stream.stream_id)
             if node != publication.node and stream is not None and stream.may_subscribe(node):
-                counts.expected += 1
+                receivers.append(node)
+        counts.expected += len(receivers)
+        counts.newest_said.append((publication, tuple(receivers)))
 
     def called(self, publication: Publication) -> None:
         """Count it."""
@@ -180,7 +193,9 @@ class Counters(Checker):
             p50_s=_percentile_s(took, 50),
             p95_s=_percentile_s(took, 95),
             p99_s=_percentile_s(took, 99),
-            streams=tuple(counts.result(ledger) for _, counts in sorted(self._counts.items())),
+            streams=tuple(
+                counts.result(ledger, network) for _, counts in sorted(self._counts.items())
+            ),
             digest=network.digest,
         )
 
@@ -212,8 +227,35 @@ class _Counts:
         self.took_ns: list[int] = []
         self.got: set[tuple[int, int]] = set()
         self.newest: dict[tuple[int, int, Instance], int] = {}
+        self.newest_said: deque[tuple[Publication, tuple[int, ...]]] = deque(maxlen=_SAID_KEPT)
+        """The last samples, each with its receivers."""
 
-    def result(self, ledger: "_Ledger") -> StreamResult:
+    def _under_way(self, network: VirtualNetwork) -> int:
+        """Return how many of those that have not arrived may still do."""
+        if not isinstance(self.stream.spec, TopicSpec):
+            return max(0, self.expected - len(self.took_ns) - self.failed)
+        waiting: dict[int, int] = {}
+        found = 0
+        for publication, receivers in reversed(self.newest_said):
+            node = publication.node
+            missing = sum((each, publication.number) not in self.got for each in receivers)
+            if node not in waiting:
+                is_up = network.is_running(node)
+                waiting[node] = network.engine(node).pending(self.stream.stream_id) if is_up else 0
+            if not missing:
+                continue
+            is_open = network.now - publication.at < _ON_CHANNEL_NS
+            if self.stream.qos.reliability is Reliability.RELIABLE:
+                is_open |= network.is_running(node) and network.engine(node).is_delivering(
+                    publication.result
+                )
+            elif waiting[node]:
+                waiting[node] -= 1
+                is_open = True
+            found += missing if is_open else 0
+        return found
+
+    def result(self, ledger: "_Ledger", network: VirtualNetwork) -> StreamResult:
         """Return the results."""
         stream_id, took = self.stream.stream_id, sorted(self.took_ns)
         return StreamResult(
@@ -225,6 +267,7 @@ class _Counts:
             late=self.late,
             duplicate=self.duplicate,
             out_of_order=self.out_of_order,
+            under_way=self._under_way(network),
             failed=self.failed,
             refused=self.refused,
             mean_s=_mean_s(took),

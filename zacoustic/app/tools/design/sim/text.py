@@ -7,8 +7,8 @@ from zacoustic.app.tools.design.sim.randomscenario import ScenarioResult
 from zacoustic.testing.counters import SimulationResult, StreamResult
 
 _HEADER = (
-    "id", "stream", "published", "delivered", "late", "twice", "disorder", "failed", "refused",
-    "50 %", "95 %", "99 %", "bytes", "share",
+    "id", "stream", "published", "delivered", "on way", "late", "twice", "disorder", "failed",
+    "refused", "50 %", "95 %", "99 %", "bytes", "share",
 )  # fmt: skip
 
 
@@ -53,6 +53,7 @@ def _cells(stream: StreamResult) -> tuple[str, ...]:
         stream.name,
         str(stream.published),
         delivered,
+        str(stream.under_way) if stream.under_way else "",
         str(stream.late),
         str(stream.duplicate),
         str(stream.out_of_order),

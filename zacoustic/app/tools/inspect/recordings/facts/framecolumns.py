@@ -8,7 +8,7 @@ import hashlib
 import math
 from array import array
 from collections.abc import Iterator
-from typing import Final
+from typing import Any, Final
 
 from zacoustic.run.recording.channels import RECEIVED, SENT, FrameRecord
 
@@ -83,7 +83,7 @@ class FrameColumns:
         """Yield the instants, and frames whose contents are their digests."""
         for index, utc_ns in enumerate(self._utc_ns):
             node, source, destination = self._ends[3 * index : 3 * index + 3]
-            numbers = {
+            numbers: dict[str, Any] = {
                 name: None if math.isnan(column[index]) else column[index]
                 for name, column in self._numbers.items()
             }
