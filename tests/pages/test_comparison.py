@@ -45,7 +45,11 @@ def test_the_report_of_others_is_that_of_their_rules(missions: list[Recording]) 
 
 def test_the_seconds_are_those_of_the_bytes() -> None:
     rows = re.findall(r"^\| [^|]*?, (\d+) bytes \| ([\d.]+) \|", TEXT, re.MULTILINE)
-    assert [int(size) for size, _ in rows] == [math.ceil(cell("zacoustic, dense, acknowledged")), 15, 49]
+    assert [int(size) for size, _ in rows] == [
+        math.ceil(cell("zacoustic, dense, acknowledged")),
+        15,
+        49,
+    ]
     for size, seconds in rows:
         assert f"{bench.MODEM.airtime_s(int(size)):.2f}" == seconds
 
