@@ -4,7 +4,7 @@ Each has its answer, and what of it the page must say, as it stands there.
 """
 
 import re
-from typing import Final
+from typing import Any, Final
 
 import pytest
 
@@ -103,7 +103,8 @@ def test_the_frame_of_the_picture_is_what_a_gateway_makes() -> None:
     frame = bytes.fromhex(line)
     assert f"{len(frame)} bytes" in picture.text
     front = next(each for each in blocks_of("README.md") if each.name == "fleet.json5")
-    section = parse_json5(front.text, source="README.md")["plugins"]["acoustic"]
+    whole: Any = parse_json5(front.text, source="README.md")
+    section = whole["plugins"]["acoustic"]
     table = config_from_mapping(section, source="README.md").table
     (item,) = decode_frame(frame, table)
     assert item.value == {"lat": 43.09, "lon": 5.95, "depth": 12.3}

@@ -2,7 +2,7 @@
 
 import math
 import re
-from typing import Final
+from typing import Any, Final
 
 import pytest
 
@@ -16,7 +16,7 @@ PAGE: Final = "docs/tutorial.md"
 def test_the_vehicle_is_as_far_away_as_the_page_says() -> None:
     text = (ROOT / PAGE).read_text(encoding="utf-8")
     (said_km,) = re.findall(r"Put the\s+vehicle (\d+) km\s+away", text)
-    scenario = parse_json5(files_of(PAGE)["far.json5"], source="far.json5")
+    scenario: Any = parse_json5(files_of(PAGE)["far.json5"], source="far.json5")
     ends = [node["position"] for node in scenario["nodes"]]
     assert math.dist(*ends) / 1000 == pytest.approx(float(said_km), rel=0.01)
     (command,) = re.findall(r"`(zacoustic run modems [^`]*far.json5[^`]*)`", text)

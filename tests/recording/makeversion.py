@@ -23,10 +23,10 @@ def make(name: str) -> Path:
     path = FOLDER / f"{name}.mcap"
     with tempfile.TemporaryDirectory() as folder:
         Path(folder, "fleet.json5").write_text(FLEET, encoding="utf-8")
-        water = Path(folder, "water.json5")
-        water.write_text(CHANNEL, encoding="utf-8")
+        channel = Path(folder, "water.json5")
+        channel.write_text(CHANNEL, encoding="utf-8")
         path.unlink(missing_ok=True)
-        if main(["sim", str(water), "--until", str(LENGTH_S), "--record", str(path)]):
+        if main(["sim", str(channel), "--until", str(LENGTH_S), "--record", str(path)]):
             sys.exit("the trial failed")
     return path
 
