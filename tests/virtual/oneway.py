@@ -33,7 +33,8 @@ class OneWay:
 
     def __init__(
         self, codec: str, *, period_s: float = 0.1, answer_s: float = 0.0,
-        modem: Modem | None = None, receivers: int = 1, loss: float = 0.0, seed: int = 1, **settings: Any,
+        modem: Modem | None = None, receivers: int = 1, loss: float = 0.0, seed: int = 1,
+        **settings: Any,
     ) -> None:  # fmt: skip
         self._rng = random.Random(f"one way/{seed}")
         lost = random.Random(f"lost/{seed}")
