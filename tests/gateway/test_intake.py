@@ -20,7 +20,7 @@ MARK = b"from the channel"
 
 
 class Payload(bytes):
-    def to_bytes(self) -> bytes:  # type: ignore[override]
+    def to_bytes(self) -> bytes:
         return bytes(self)
 
 
@@ -70,7 +70,7 @@ class Network:
             lambda stream, engine: 0,
             clock=lambda: self.now,
             ring=self._ring,
-            submit=lambda step: step(),
+            submit=self._submit,
         )
         self.intake.subscribe(1, "a")
 
@@ -115,6 +115,9 @@ class Network:
     def wakes(self) -> bool:
         """Whether a sample wakes the loop."""
         return any(each.call is not None for each in self.declared)
+
+    def _submit(self, step: Callable[[], object]) -> None:
+        step()
 
     def _ring(self) -> None:
         self.rung += 1

@@ -23,9 +23,9 @@ from zacoustic.zenoh.gateway.dialect.mailbox import (
 )
 from zacoustic.zenoh.session.session import ZenohSession
 
-LOOK_NS: Final = 50_000_000
+LOOK_NS: Final = 100_000_000
 """Interval at which the loop looks into a ring, ns: the arrival of a sample is known as well."""
-_LEAST_KEPT: Final = 8
+_LEAST_KEPT: Final = 16
 """A ring keeps at least so many samples: up to 160 a second, each is counted."""
 
 
