@@ -21,7 +21,7 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.agreement import WIRE_VERSION, Confirm, Hello
 from zacoustic.testing.virtual import VirtualNetwork
 
-MAP, TREE, LOOSE = 10, 11, 12
+MAP, TREE, LOOSE, COMMAND = 10, 11, 12, 13
 AUV, SHORE = 1, 2
 RULES: Final = TransmitRules(contact=ContactRules(announces=True))
 TAGGING: Final = msgspec.structs.replace(RULES, agreement=AgreementMethod.TAG)
@@ -54,6 +54,7 @@ def table(nodes: int = 2, *, lifespan_s: float | None = None) -> StreamTable:
                 publishers=(AUV,),
                 qos=qos(2, Reliability.BEST_EFFORT),
             ),
+            TopicSpec(stream_id=COMMAND, name="command", publishers=(SHORE,)),
         ],
         nodes={address: f"n{address}" for address in range(1, nodes + 1)},
     )
@@ -233,6 +234,20 @@ def test_many_that_come_back_at_once_all_have_them(count: Callable[[int], int]) 
     for address in others:
         assert sea.got(address, MAP, 7200.0) == [b"map"], address
         assert sorted(sea.got(address, TREE, 7200.0)) == TREES, address
+
+
+@pytest.mark.parametrize("rules", [RULES, TAGGING], ids=["confirm", "tag"])
+def test_an_announcement_that_nobody_hears_does_not_cost_the_first_sample(
+    rules: TransmitRules,
+) -> None:
+    sea = Sea(1, rules=rules)
+    sea.network.crash(AUV)
+    sea.network.run(until_s=5.0)
+    sea.network.start(AUV)
+    sea.network.run(until_s=6.0)
+    sea.network.publish(SHORE, COMMAND, b"go")
+    sea.network.run(until_s=8.0)
+    assert sea.got(AUV, COMMAND, 0.0) == [b"go"]
 
 
 def test_deleted_keys_have_nothing() -> None:

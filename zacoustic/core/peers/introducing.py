@@ -66,6 +66,8 @@ class Introductions:
         """Frames of this epoch with a HELLO, by destination and link."""
         self._newcomers: set[str] = set()
         """Links on which a node has restarted since the last HELLO to all."""
+        self._announcing: set[str] = set()
+        """Links on which the next HELLO to all is an announcement."""
         self.unit_ns = 0
         """The time in which the largest frame arrives, ns."""
         self.epoch = epoch
@@ -84,6 +86,14 @@ class Introductions:
     def restarted(self, link: str) -> None:
         """Note that a node restarted: say HELLO in the next broadcast frame on that link."""
         self._newcomers.add(link)
+
+    def announce(self, link: str) -> None:
+        """Say HELLO in the next broadcast frame on that link, beside those that are due anyway.
+
+        Perhaps nobody is there yet: then the first record needs one as well.
+        """
+        self._newcomers.add(link)
+        self._announcing.add(link)
 
     def begin_frame(self, destination: int) -> None:
         """Begin to compose a frame; it contains nothing yet."""
@@ -116,8 +126,11 @@ class Introductions:
             self._since_hello[destination][link] += 1
             return tag
         asked = self.introduces(link, destination)
-        self._since_hello[destination][link] = 1
-        self._hellos[destination][link] += 1
+        if destination == BROADCAST and link in self._announcing:
+            self._announcing.discard(link)
+        else:
+            self._since_hello[destination][link] = 1
+            self._hellos[destination][link] += 1
         if destination == BROADCAST:
             self._newcomers.discard(link)
         self.is_told = True

@@ -84,7 +84,7 @@ class Announcing:
             self._timers.at((Due.ANNOUNCEMENT,), at, self._ask)
 
     def _say(self, now: int) -> None:
-        self._handshake.introductions.restarted(self._link)
+        self._handshake.introductions.announce(self._link)
         self._announce(now)
 
     def _latched_by(self) -> set[int]:
