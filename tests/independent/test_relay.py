@@ -45,8 +45,9 @@ def _fields(item: Any) -> dict[str, Any]:
             return {"relayed": "probe", "run": run, "number": number}
         case relay.Flooded():
             front = {"relayed": "flooded", "left": item.left, "origin": item.origin}
-            more = {"number": item.number, "age_code": item.age, "frame": item.frame.hex()}
-            return {**front, "destination": item.destination, **more}
+            more = {"number": item.number, "age_code": item.age}
+            inside = item.frame.hex()
+            return {**front, "destination": item.destination, **more, "frame": inside}
         case relay.Bonded(bond, number, inside, answered, age):
             front = {"relayed": "bonded" if inside else "question", "bond": bond}
             front |= {} if age is None else {"age_code": age}

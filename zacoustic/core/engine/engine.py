@@ -136,9 +136,8 @@ class Engine:
         )
         self.stats = node.stats
         self._peers, self._handshake, self._epoch = node.peers, node.handshake, node.epoch
-        self._seal = node.seal
+        self._seal, self._tell_utc = node.seal, node.moments.tell
         self._journal, self._timers = journal, timers = node.journal, node.timers
-        self._moments = node.moments
         self.measurements = node.measurements
         """Measurements of peers and modems; read-only."""
         self.doubt = node.doubt
@@ -257,7 +256,7 @@ class Engine:
         self._begin(now)
         error_ns = self.clock.tell(offset_ns, error_ns, now)
         if error_ns is not None:
-            self._moments.tell(offset_ns)
+            self._tell_utc(offset_ns)
         self.silence.handle_clock(now)
         for stack in self._stacks.values():
             stack.transmitter.handle_clock(offset_ns, error_ns, now)
@@ -342,8 +341,7 @@ class Engine:
             encoding: The Zenoh encoding, where it is not the stream's.
             delete: Delete the key instead.
             queued_at: Instant at which the sample was made, ns, if that was before `now`.
-            is_dated: Whether it is known when the sample was made; otherwise its age crosses as
-                unknown, on a stream with ages.
+            is_dated: Whether that is known; otherwise its age crosses as unknown.
 
         Returns:
             For a reliable topic the delivery id that `DeliveryEnded` will name, else 0.

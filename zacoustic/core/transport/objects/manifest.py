@@ -23,9 +23,11 @@ from typing import Final
 
 import msgspec
 
+from zacoustic.core.base.moments import Made, instant_of
 from zacoustic.core.streams.keys import Instance
-from zacoustic.core.values.age import UNKNOWN
+from zacoustic.core.values.age import UNKNOWN, encode_age
 from zacoustic.core.values.encoding import decode_prefix, encode_prefix
+from zacoustic.core.wire.objects import Fragment
 
 DIGEST_BYTES: Final = 8
 _HAS_ENCODING: Final = 0x80
@@ -153,6 +155,15 @@ def with_age(first: bytes, code: int) -> bytes:
     if len(first) <= _AGE_AT or not first[_FLAGS_AT] & _HAS_AGE:
         return first
     return first[:_AGE_AT] + bytes((code,)) + first[_AGE_AT + 1 :]
+
+
+def aged(fragment: Fragment, manifest: Manifest, made: Made, now: int) -> Fragment:
+    """Return a fragment that goes now: the first one says how old the object is."""
+    if fragment.index or not manifest.has_age:
+        return fragment
+    made_at = instant_of(made, now)
+    code = encode_age(None if made_at is None else now - made_at)
+    return msgspec.structs.replace(fragment, data=with_age(fragment.data, code))
 
 
 def take_age(first: bytes) -> tuple[bytes, int]:

@@ -11,13 +11,13 @@ from zacoustic.core.base.allowance import Allowance
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.base.linktypes import BROADCAST, TransmitOutcome, TransmitReport
-from zacoustic.core.base.moments import Made, Moments, instant_of
+from zacoustic.core.base.moments import Made, Moments
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.transport.objects.code.code import MOST_FRAGMENTS, Fragments
-from zacoustic.core.transport.objects.manifest import Manifest, encode_object, with_age
+from zacoustic.core.transport.objects.manifest import Manifest, aged, encode_object
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
 from zacoustic.core.transport.objects.sending.bulkobject import BulkObject
 from zacoustic.core.transport.objects.sending.bulkpaths import BulkChanged, BulkPaths, BulkRuns
@@ -25,7 +25,6 @@ from zacoustic.core.transport.objects.sending.outgoing import OutgoingObject
 from zacoustic.core.transport.objects.sending.planning import LossEstimate
 from zacoustic.core.transport.objects.stored import StoredObject, StoredProgress, out_key, sent_key
 from zacoustic.core.transport.objects.timing import Timing
-from zacoustic.core.values.age import encode_age
 from zacoustic.core.wire.objects import CHECK_BYTES, Feedback, Fragment
 from zacoustic.errors import PayloadTooLargeError, QueueFullError
 
@@ -380,7 +379,7 @@ class OutgoingObjects:
                 or (bool(lacking) and all(self._pacers[each].is_silent for each in lacking)),
             )
         self._keep_progress(sending)
-        return sending, _aged(sending, fragment, now)
+        return sending, aged(fragment, outgoing.manifest, sending.made_at, now)
 
     def take_bulk(self, now: int) -> tuple[Sending, Fragment] | None:
         """Take the next fragment for the bulk service."""
@@ -397,7 +396,7 @@ class OutgoingObjects:
         )
         fragment = outgoing.take_bulk(pause_follows=pause_follows)
         self._keep_progress(sending)
-        return sending, _aged(sending, fragment, now)
+        return sending, aged(fragment, outgoing.manifest, sending.made_at, now)
 
     def bulk_reported(
         self,
@@ -712,12 +711,3 @@ class OutgoingObjects:
                 detail=detail,
             )
         )
-
-
-def _aged(sending: Sending, fragment: Fragment, now: int) -> Fragment:
-    """Return a fragment that goes now: the first one says how old the object is."""
-    if fragment.index or not sending.outgoing.manifest.has_age:
-        return fragment
-    made = instant_of(sending.made_at, now)
-    code = encode_age(None if made is None else now - made)
-    return msgspec.structs.replace(fragment, data=with_age(fragment.data, code))

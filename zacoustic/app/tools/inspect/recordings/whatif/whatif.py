@@ -121,7 +121,8 @@ class Trial:
             self._at(published.at_ns, partial(self._publish, published))
         for arrived in facts.arrived:
             if arrived.source not in facts.tables and arrived.source in self.network.addresses:
-                ago_ns = round(((arrived.age_s or 0.0) + _TRAVEL_S) * 1e9)
+                ago_s = _TRAVEL_S if arrived.age_s is None else arrived.age_s
+                ago_ns = round(ago_s * 1e9)
                 self._at(arrived.at_ns - ago_ns, partial(self._stand_in, arrived))
         for asked in facts.asked:
             self._at(asked.at_ns, partial(self._ask, asked))
