@@ -325,15 +325,52 @@ def test_the_files_of_the_demo_are_valid(capsys: pytest.CaptureFixture[str]) -> 
     assert "note:" not in capsys.readouterr().out
 
 
-def test_a_link_that_is_not_installed_fails_after_the_table(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("locator", "what"),
+    [("smoke/here", "no link 'smoke'; installed: "), ("sim/127.0.0.1:70000", "port 70000")],
+)
+def test_a_link_that_is_none_is_refused_with_its_key_after_the_table(
+    locator: str, what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path = write(tmp_path, changed("links.0.locator", "smoke/here"))
-    assert main(["config", "check", str(path)]) == 1
+    path = write(tmp_path, changed("links.0.locator", locator))
+    assert main(["config", "check", str(path)]) == 2
     written = capsys.readouterr()
     assert "auv1/nav" in written.out
     assert written.err.count("\n") == 1
-    assert "no link 'smoke'; installed: " in written.err
+    assert f"{path}: plugins.acoustic.links[0].locator: " in written.err
+    assert what in written.err
+    assert main(["config", "check", str(path), "--link", locator]) == 2
+    assert "zacoustic config check: --link: " in capsys.readouterr().err
+
+
+def test_a_key_file_that_run_refuses_is_refused_here(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = tmp_path / "fleet.key"
+    path = write(tmp_path, changed("security", {"key": "fleet.key"}))
+    assert main(["config", "check", str(path)]) == 0  # it is not on this computer
+    capsys.readouterr()
+    key.write_text("no key", encoding="utf-8")
+    key.chmod(0o600)
+    assert main(["config", "check", str(path)]) == 1
+    assert f"{path}: plugins.acoustic.security.key: " in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "follows"),
+    [
+        ("{ plugins: { acoustic: {\n  address: 1\n  streams: [] } } }", "streams: []"),
+        ('{ plugins: { acoustic: {\n  nodes: [ { name: "a" } ] // all\n  x: 1 } } }', "x: 1"),
+        ("{ plugins: { acoustic: { nodes: [ { address: 1 } { address: 2 } ] } } }", "{ address"),
+    ],
+)
+def test_a_missing_comma_is_named(
+    text: str, follows: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "fleet.json5"
+    path.write_text(text, encoding="utf-8")
+    assert main(["config", "check", str(path)]) == 2
+    assert f"is a comma missing before {follows}" in capsys.readouterr().err
 
 
 # Path, what is written there, and what the line must hold: key, value, allowed.

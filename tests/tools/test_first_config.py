@@ -1,6 +1,7 @@
 """The first configuration: types out of values, a file that is valid and accepts what was seen."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -266,9 +267,9 @@ def test_a_device_with_lists_of_lists_leaves_room_to_its_neighbours() -> None:
     )  # fmt: skip
     values: dict[str, Any] = {"auv1/dvl": payloads[1], "auv1/nav": {"a": 1}, "auv1/att": {"a": 2}}
     for name, value in values.items():
-        topic = found[name]
+        speak = partial(network.publish, 1, found[name].stream_id, value)
         for n in range(300):
-            network.at(n + 1.0, lambda t=topic, v=value: network.publish(1, t.stream_id, v))
+            network.at(n + 1.0, speak)
     network.run(until_s=320)
     arrived = [event.stream_id for event in network.samples(2)]
     assert arrived.count(found["auv1/dvl"].stream_id) >= 1

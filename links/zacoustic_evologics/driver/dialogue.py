@@ -46,7 +46,7 @@ from zacoustic_evologics.driver.session.reception import Received, Reception
 from zacoustic_evologics.driver.session.session import ModemSession
 from zacoustic_evologics.driver.startup.probe import Probe
 from zacoustic_evologics.driver.startup.run import StartupRun
-from zacoustic_evologics.driver.startup.startup import StartupError
+from zacoustic_evologics.driver.startup.startup import SILENT, StartupError
 from zacoustic_evologics.driver.states import CONNECTED, TRANSITIONS, UP, Input, State
 
 SETTLING_S: Final = 0.5
@@ -71,6 +71,10 @@ class AtDialogue:
         self._reply_ns = seconds_to_ns(config.reply_s)
         self._byte_ns = 10 * NS_PER_S // config.baudrate if is_serial else 0
         self._is_serial = is_serial
+        self._silent_hint = (
+            f"at {config.baudrate} baud; zacoustic config doctor tries others: baudrate=… in the "
+            "locator"
+        )
         self._session = ModemSession(config, node_address)
         self._channel = CommandChannel(reply_ns=self._reply_ns, byte_ns=self._byte_ns)
         self._reception = Reception(self._session)
@@ -314,7 +318,10 @@ class AtDialogue:
             for reached in go_on(now):
                 self._step(reached)
         except StartupError as error:
-            self._give_up(error.message, now, hint=error.hint, is_hopeless=error.is_hopeless)
+            hint = error.hint
+            if self._is_serial and error.message == SILENT:
+                hint = self._silent_hint
+            self._give_up(error.message, now, hint=hint, is_hopeless=error.is_hopeless)
             return
         if self.state is State.READY:
             self._startup = None

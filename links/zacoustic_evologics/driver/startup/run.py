@@ -8,6 +8,7 @@ from zacoustic_evologics.driver.channel import Answer, CommandChannel
 from zacoustic_evologics.driver.session.session import ModemSession
 from zacoustic_evologics.driver.startup.probe import Probe
 from zacoustic_evologics.driver.startup.startup import (
+    SILENT,
     Pause,
     Reached,
     Stages,
@@ -78,7 +79,7 @@ class StartupRun:
             return self._advance(None, now)
         question = self._probe.handle_timeout(now)
         if question is None:
-            raise StartupError("the modem does not answer")
+            raise StartupError(SILENT)
         if self._probe.has_filled:
             self._session.may_fill = False
             self._session.needs_clearing = True

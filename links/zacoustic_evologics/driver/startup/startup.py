@@ -75,6 +75,10 @@ Question: TypeAlias = Generator[Step, CommandReply | None, CommandReply]
 """A part of a start-up that returns a reply."""
 
 
+SILENT: Final = "the modem does not answer"
+"""The fault of a modem that answers in no way; at a serial port perhaps the baud rate."""
+
+
 class StartupError(LinkError):
     """The modem does not answer, or cannot serve this node; never leaves the dialogue.
 

@@ -263,3 +263,16 @@ def test_message_of_before_is_waited_for_and_then_dropped() -> None:
         bench = Bench(modem)
         bench.make_ready()
         assert modem.names().count("Z") == names
+
+
+@pytest.mark.parametrize("is_serial", [True, False])
+def test_a_silent_serial_port_names_its_baud_rate_and_who_tries_others(is_serial: bool) -> None:
+    modem = ScriptedModem()
+    modem.feed = lambda raw: None  # type: ignore[method-assign]
+    bench = Bench(modem, EvologicsConfig(baudrate=9600), is_serial=is_serial)
+    bench.connect()
+    bench.run(60.0)
+    details = [detail for _, detail in bench.changes]
+    named = [each for each in details if "at 9600 baud; zacoustic config doctor" in each]
+    assert bool(named) is is_serial
+    assert any("the modem does not answer" in each for each in details)
