@@ -33,8 +33,8 @@ FROZEN: Final = {
     "payload_packed.json": "9d10267ca6a2292e",
     "payload_refused.json": "b5998c8cd928cf97",
     "refusals.json": "48a24d9957e3d6b7",
-    "tables.json": "2b204b6ecb9bfa44",
-    "wire_native.json": "99a8af24877ca36e",
+    "tables.json": "23a6878b97d247a8",
+    "wire_native.json": "ff854422425ed6b0",
     "wire_relayed.json": "1725f8a4b0febb65",
     "wire_sealed.json": "7677bd3dbd54735f",
 }
