@@ -90,14 +90,14 @@ class FrameRecord(msgspec.Struct, frozen=True, kw_only=True):
             received_at=self.at,
             source=self.source,
             destination=self.destination,
-            service=self.service,
+            service=Service(self.service),
         )
 
     range_rate_m_s: float | None = None
     """The same."""
     link: str = ONE_LINK
     """Name of the link."""
-    service: Service = Service.PLAIN
+    service: str = Service.PLAIN.value
     """The service that carries it: `plain`, or `bulk` for burst data."""
 
 
@@ -254,7 +254,7 @@ def sent_frame(
         transmission_id=sent.transmission_id,
         airtime_s=_airtime_s(size, sent.service, capabilities),
         acknowledge=sent.acknowledge,
-        service=sent.service,
+        service=sent.service.value,
     )
 
 
@@ -284,7 +284,7 @@ def received_frame(
         integrity=metrics.integrity,
         propagation_s=metrics.propagation_s,
         range_rate_m_s=metrics.range_rate_m_s,
-        service=frame.service,
+        service=frame.service.value,
     )
 
 
