@@ -144,8 +144,8 @@ class Shore:
             topic: Its name.
             value: The sample, or the map that it crossed as.
             now_s: The instant.
-            age_s: How old it was when its frame was composed.
-            way_s: How long the frame took from then on.
+            age_s: How old it is.
+            way_s: How long its frame took, if the age does not include that.
         """
         made_at_s = now_s - age_s - way_s
         if isinstance(value, dict):

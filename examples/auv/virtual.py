@@ -313,7 +313,11 @@ class VirtualDive(Carrier):
                 pass
 
     def _hear(self, event: SampleReceived) -> None:
-        self.shore.hear(self._names[event.stream_id], event.value, self.now_s, event.age_s or 0.0)
+        name = self._names[event.stream_id]
+        if event.age_s is None:
+            self.shore.hear(name, event.value, self.now_s)
+        else:
+            self.shore.hear(name, event.value, self.now_s, event.age_s, 0.0)
 
     def _arrived(self, name: str) -> None:
         """Note the latency of the newest command of a name."""

@@ -192,7 +192,7 @@ class ZenohShore(Carrier):
     def _hear(self, sample: zenoh.Sample) -> None:
         topic, payload = str(sample.key_expr), sample.payload
         marker = read_marker(sample.attachment)
-        age_s = 0.0 if marker is None or marker.age_s is None else marker.age_s
+        age_s = None if marker is None else marker.age_s
 
         def take(now_s: float) -> None:
             shore, way_s = self._shore, self._watch.way_s
@@ -202,7 +202,10 @@ class ZenohShore(Carrier):
             if self._ros:
                 said = from_ros(topic, said)
             if topic in (NAV, STATUS, PHOTO):
-                shore.hear(topic, said, now_s, age_s, way_s)
+                if age_s is None:
+                    shore.hear(topic, said, now_s, way_s=way_s)
+                else:
+                    shore.hear(topic, said, now_s, age_s, 0.0)
             else:
                 shore.progress = msgspec.convert(said["feedback"], Progress)
 

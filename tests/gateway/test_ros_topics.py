@@ -98,6 +98,59 @@ async def test_a_stamp_is_rebuilt_from_the_age_by_the_clock_of_the_far_side(pair
 
 
 @with_pair()
+async def test_stamps_of_hours_ago_and_of_no_time_arrive_as_what_they_are(pair: Pair) -> None:
+    await ready(pair.auv, "/auv1/fix", FIX)
+    told = await heard(pair.shore, "/auv1/fix", FIX)
+    publish = pair.auv.publisher("/auv1/fix", FIX)
+    value = pair.auv.zero(FIX)
+    value["header"]["frame_id"] = "gps"
+    for ago_s in (600, 3700, 6 * 3600):
+        made_s = int(time.time()) - ago_s
+        value["header"]["stamp"] = {"sec": made_s, "nanosec": 0}
+        publish(value)
+        came, beside = await told.next()
+        assert abs(came["header"]["stamp"]["sec"] - made_s) <= 2 + 0.05 * ago_s
+        assert abs(beside.stamp_ns / 1e9 - made_s) <= 2 + 0.05 * ago_s
+    value["header"]["stamp"] = {"sec": int(time.time()) - 40 * 86_400, "nanosec": 0}
+    publish(value)
+    came, _ = await told.next()
+    assert abs(came["header"]["stamp"]["sec"] - (time.time() - 30 * 86_400)) < 60
+    for unknown in ({"sec": 0, "nanosec": 0}, {"sec": 123, "nanosec": 0}):  # none; a simulation's
+        value["header"]["stamp"] = unknown
+        publish(value)
+        came, beside = await told.next()
+        assert came["header"]["stamp"] == {"sec": 0, "nanosec": 0}
+        assert beside.stamp_ns == 0
+
+
+PICTURE: Final = "sensor_msgs/msg/CompressedImage"
+
+
+@with_pair(
+    changed(
+        streams=[
+            {"id": 12, "topic": "/auv1/photo", "type": PICTURE, "ros": {"stamp": "age"},
+             "publishers": [2], "reliability": "reliable"},
+        ],
+        overlays=[],
+    )
+)  # fmt: skip
+async def test_a_stamp_of_a_message_in_parts_is_rebuilt_as_well(pair: Pair) -> None:
+    await ready(pair.auv, "/auv1/photo", PICTURE)
+    told = await heard(pair.shore, "/auv1/photo", PICTURE)
+    publish = pair.auv.publisher("/auv1/photo", PICTURE)
+    value = pair.auv.zero(PICTURE)
+    value["data"] = bytes(range(256)) * 8
+    made_s = int(time.time()) - 40
+    value["header"]["stamp"] = {"sec": made_s, "nanosec": 0}
+    publish(value)
+    came, beside = await told.next()
+    assert len(came["data"]) == 2048
+    assert abs(came["header"]["stamp"]["sec"] - made_s) <= 5
+    assert abs(beside.stamp_ns / 1e9 - made_s) <= 5
+
+
+@with_pair()
 async def test_a_constant_that_differs_is_counted_and_stays(pair: Pair) -> None:
     await ready(pair.auv, "/auv1/fix", FIX)
     told = await heard(pair.shore, "/auv1/fix", FIX)

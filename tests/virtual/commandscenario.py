@@ -321,7 +321,7 @@ class CommandScenario(JudgedScenario):
     def _judge_end(self, given: Given, at: int, event: Event) -> None:
         if isinstance(event, ResponseReceived):
             self._count("answered")
-            state = CommandState.from_wire(event.value, event.age_s or 0.0)
+            state = CommandState.from_wire(event.value, event.age_s)
             if given.command.changes and not self._found(given, before=at):
                 self._complain(f"{given} is answered and was not executed")
             if given.is_calm and state.silent:

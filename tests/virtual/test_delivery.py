@@ -113,8 +113,8 @@ def test_delete_and_encoding_cross_with_their_sample(modem: Modem) -> None:
     ]
 
 
-def test_age_tells_how_long_a_sample_had_waited_in_queues() -> None:
-    medium, sent = network()
+def test_age_tells_how_old_a_sample_is_that_waited_in_queues() -> None:
+    medium, _ = network()
     published_at: dict[bytes, int] = {}
 
     def publish(number: int) -> None:
@@ -132,12 +132,11 @@ def test_age_tells_how_long_a_sample_had_waited_in_queues() -> None:
     assert [event.value for event in events] == list(published_at)
     ages_s = []
     for event in events:
-        composed_at = next(record.at for record in sent if event.value.hex() in record.frame)
-        waited_s = (composed_at - published_at[event.value]) / 1e9
+        true_s = (event.received_at - published_at[event.value]) / 1e9
         assert event.age_s is not None
-        assert abs(event.age_s - waited_s) <= max(0.0501, 0.02 * waited_s)
+        assert abs(event.age_s - true_s) <= max(0.1, 0.05 * true_s)
         ages_s.append(event.age_s)
-    assert min(ages_s) == 0.0
+    assert min(ages_s) < 2.0
     assert max(ages_s) > 280
 
 
