@@ -6,26 +6,25 @@ Here the stand-in plays DESERT; docs/links.md has the lines of a script for the 
 
 import asyncio
 import contextlib
-import random
+import socket
 
 from zacoustic import Node
-from zacoustic_desert.channel import SampleChannel
-from zacoustic_desert.server import StandInServer
-from zacoustic_desert.standin import StandIn
 
 NODES = {1: "shore", 2: "auv1", 3: "auv2"}
 STATES = {address: 10 + address for address in NODES}  # stream id of each node's state
 
 
 async def main() -> None:
-    seeded = random.Random(1)
-    server = StandInServer(StandIn(SampleChannel(len(NODES), seeded), rng=seeded))
-    await server.open()
+    places = [f"127.0.0.1:{port}" for port in free_ports(len(NODES))]
+    listen = [word for place in places for word in ("--listen", place)]
+    modems = ["zacoustic", "run", "modems", "desert", "--modems", str(len(NODES)), *listen]
+    quiet = asyncio.subprocess.DEVNULL
+    desert = await asyncio.create_subprocess_exec(*modems, stdout=quiet)
     try:
         async with contextlib.AsyncExitStack() as stack:
-            nodes = {
+            nodes = {  # each waits until it is connected
                 address: await stack.enter_async_context(Node(address, link=f"desert/{place}"))
-                for address, place in zip(NODES, server.addresses, strict=True)
+                for address, place in zip(NODES, places, strict=True)
             }
             speaking = [asyncio.create_task(speak(*each)) for each in nodes.items()]
             async with asyncio.timeout(100), asyncio.TaskGroup() as tasks:
@@ -35,7 +34,14 @@ async def main() -> None:
                 task.cancel()
             await asyncio.wait(speaking)
     finally:
-        await server.close()
+        desert.terminate()
+        await desert.wait()
+
+
+def free_ports(count: int) -> list[int]:
+    with contextlib.ExitStack() as stack:
+        probes = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(count)]
+        return [int(probe.getsockname()[1]) for probe in probes]
 
 
 async def speak(address: int, node: Node) -> None:
