@@ -27,7 +27,7 @@ LINK = LinkCapabilities(mtu_bytes=64, bit_rate_bps=20_000.0, propagation_s=0.05)
 FRAME_NS = NS_PER_S // 20
 
 
-class Water:
+class Sea:
     """Engines by name; each frame arrives after a twentieth of a second."""
 
     def __init__(
@@ -99,18 +99,18 @@ def test_two_nodes_with_one_address(addressed: bool, twins_hear: bool) -> None:
     link = LinkCapabilities(
         mtu_bytes=64, bit_rate_bps=20_000.0, propagation_s=0.05, addressed=addressed
     )
-    water = Water({"a": 1, "b": 1, "c": 2}, twins_hear=twins_hear, link=link)
+    sea = Sea({"a": 1, "b": 1, "c": 2}, twins_hear=twins_hear, link=link)
     for turn in range(8):
         for name in ("a", "b"):
-            water.engines[name].publish(10, b"%s%d" % (name.encode(), turn), water.now)
-            water.run(water.now / NS_PER_S + 15)
-    assert water.of("c", AddressShared)[0] == AddressShared(address=1)
-    assert water.engines["c"].twins.shared == {1}
+            sea.engines[name].publish(10, b"%s%d" % (name.encode(), turn), sea.now)
+            sea.run(sea.now / NS_PER_S + 15)
+    assert sea.of("c", AddressShared)[0] == AddressShared(address=1)
+    assert sea.engines["c"].twins.shared == {1}
     for name in ("a", "b"):
         if twins_hear:
-            assert water.of(name, AddressShared)[0] == AddressShared(address=1)
-            assert not water.engines[name].doubt.reason
-        for each in water.of(name, JournalDoubted):
+            assert sea.of(name, AddressShared)[0] == AddressShared(address=1)
+            assert not sea.engines[name].doubt.reason
+        for each in sea.of(name, JournalDoubted):
             assert isinstance(each, JournalDoubted)
             assert "another node has its address" in each.reason
 

@@ -14,7 +14,7 @@ CONFIG = """{ plugins: { acoustic: { address: 1, links: [ LINK ],
   nodes: [ { address: 1, name: "buoy" }, { address: 2, name: "auv1" } ],
   streams: [ { id: 21, topic: "tile", publishers: [2], subscribers: [1],
                reliability: "reliable", priority: "background" } ] } } }"""
-WATER = """{ config: "fleet.json5", profile: "evologics_s2c_18_34",
+SCENE = """{ config: "fleet.json5", profile: "evologics_s2c_18_34",
   nodes: [ { address: 1, position: [0, 0, 5] },
            { address: 2, track: [ { t: 0, position: [100, 0, 20] },
                                   { t: 1200, position: [FAR, 0, 20] } ] } ],
@@ -24,7 +24,7 @@ WATER = """{ config: "fleet.json5", profile: "evologics_s2c_18_34",
 def fleet(folder: Path, *, every_s: float, link: str = LINK, far_m: float = 900.0) -> Path:
     (folder / "fleet.json5").write_text(CONFIG.replace("LINK", link))
     path = folder / "water.json5"
-    path.write_text(WATER.replace("FAR", str(far_m)).replace("EVERY", str(every_s)))
+    path.write_text(SCENE.replace("FAR", str(far_m)).replace("EVERY", str(every_s)))
     return path
 
 
