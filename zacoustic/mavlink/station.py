@@ -175,7 +175,7 @@ class StationSide:
         if age_s is None:
             self._say("old", "a sample of unknown age: not shown", is_trouble=True)
             return
-        sampled_at = now - seconds_to_ns(age_s)
+        sampled_at = now - seconds_to_ns(min(age_s, 1e9))
         if now - sampled_at >= self._lost_after_ns:
             self._say("old", f"a sample is {age_s:.0f} s old: not shown", is_trouble=True)
             return
