@@ -41,8 +41,9 @@ Eleven layers; each imports only from those below (import-linter checks that in 
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
                 tables; `handshake`, `owing`, `introducing`, `contact`, `lostcontact`, `heartbeats`,
                 `bootepoch`, `ranging`, `measurements`, `lives`; `peerrules` and `agreementpolicy`
-                are the settings; `doubt` is what this node does not know of itself; `sealing` seals
-                frames and opens each once (`replay`), `alarms` report what does not open;
+                are the settings; `doubt` is what this node does not know of itself, `twins` which
+                addresses two nodes have; `sealing` seals frames and opens each once (`replay`),
+                `alarms` report what does not open;
                 `statements` are
                 what a frame says about its sender, `reception` dispatches the rest of it
 `wire`          grammar only: `envelope`, `seal`, `frame`, `content`, the table of `controls`;
