@@ -86,6 +86,12 @@ class Network:
     def is_marked(self, attachment: bytes) -> bool:
         return attachment == MARK
 
+    def age_ns(self, sample: object) -> int:
+        return 0
+
+    def publisher_of(self, sample: object) -> bytes:
+        return b""
+
     def link_of(self, stream_id: int) -> str:
         return "link"
 

@@ -5,7 +5,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Iterable, Iterator, Set
 from heapq import heappop, heappush
-from itertools import chain, islice, takewhile
+from itertools import chain, count, islice, takewhile
 from typing import Final
 
 import msgspec
@@ -206,7 +206,9 @@ class SendLane:
         self._large: dict[int, Outgoing] = {}
         """Those of them that cross as objects, by delivery id."""
         self._expiring: list[tuple[int, int, Outgoing]] = []
-        """A heap of instants, delivery ids and samples; also of those that have ended since."""
+        """A heap of instants, places in it and samples; also of those that have ended since. One
+        that is given again has the delivery id and the instant of the one that ended."""
+        self._expiring_place = count()
         self.oldest_kept: int | None = None
         """The oldest delivered number that may go to a receiver again; None: none."""
         self._end = next_number
@@ -395,7 +397,7 @@ class SendLane:
         if sample.expires_at == at:
             return
         sample.expires_at = at
-        heappush(self._expiring, (at, sample.delivery_id, sample))
+        heappush(self._expiring, (at, next(self._expiring_place), sample))
 
     @property
     def expires_at(self) -> int | None:
