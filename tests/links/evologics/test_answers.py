@@ -120,7 +120,7 @@ def test_answer_comes_through_both_framings_as_one_text(
     # Where lines are read, their ends are all the same.
     whole = text.replace("\r\n", "\n") if framing is Framing.LINES else text
     assert [each for each in texts if each is not None] == [whole]
-    assert texts[-1] == text
+    assert texts[-1] == whole
 
 
 @pytest.mark.parametrize(
