@@ -117,7 +117,7 @@ def test_check_shows_a_hostile_file_without_its_passwords(
     }
     file.write_text(json.dumps({"plugins": {"acoustic": section}}), encoding="utf-8")
     for words in ([], ["--json"]):
-        assert main(["config", "check", str(file), *words]) == 1  # the link has no such setting
+        assert main(["config", "check", str(file), *words]) == 2  # the link has no such setting
         printed = capsys.readouterr()
         for shown in (printed.out, printed.err):
             assert_harmless(shown)
