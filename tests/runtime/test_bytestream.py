@@ -308,7 +308,8 @@ def test_lost_serial_port_is_reported_and_closed_without_a_trace() -> None:
         assert stream.address in listener.losses[0]
         assert not stream.write(b"x")
         await until(lambda: len(listener.losses) >= 2, listener.changed)
-        assert listener.losses[-1].endswith(os.strerror(errno.ENOENT))
+        cure = "is it connected, and is that its name?"
+        assert listener.losses[-1] == f"{stream.address}: {os.strerror(errno.ENOENT)}: {cure}"
 
     pty_case(case)
 
