@@ -16,7 +16,7 @@ import re
 from typing import Final, Protocol
 
 _INTEGER: Final = re.compile(r"-?[0-9]{1,19}")
-_DECIMAL: Final = re.compile(r"-?[0-9]{1,19}(\.[0-9]{1,12})?")
+_DECIMAL: Final = re.compile(r"-?[0-9]{1,31}(\.[0-9]{1,12})?")  # 1e30 has 31
 _SECONDS: Final = re.compile(r"([0-9]{1,10})(?:\.([0-9]{1,12}))?")
 _WORD: Final = re.compile(r"[!-+\--~ ]{1,40}")
 
