@@ -33,7 +33,7 @@ class CheckCommand(Command):
         """
         from zacoustic.app.tools.design.check.report import report_of
         from zacoustic.app.tools.design.check.text import as_text
-        from zacoustic.app.tools.security.keycheck import key_refusals
+        from zacoustic.app.tools.security.keyrefusals import key_refusals
         from zacoustic.channel.profiles import profile_named
         from zacoustic.config import read_config
 

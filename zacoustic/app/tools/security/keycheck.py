@@ -103,24 +103,6 @@ def check_keys(
     )
 
 
-def key_refusals(config: Config) -> Iterator[str]:
-    """Say why a gateway with this file refuses its key, if the key is on this computer.
-
-    A file may be checked where its key is not, and must not be.
-    """
-    security = config.security
-    if security is None:
-        return
-    paths = [each for each in (security.key, security.members) if each is not None]
-    if not all(path.exists() for path in paths):
-        return
-    try:
-        open_keyring(security, config.address)
-    except ConfigError as error:
-        hint = f" ({error.hint})" if error.hint else ""
-        yield f"{error.args[0]}{hint}"  # it begins with the place in the file
-
-
 def check_room(config: Config, capabilities: LinkCapabilities) -> Findings:
     """Check that sealed frames fit a link, also with the lengths of `pad`.
 
