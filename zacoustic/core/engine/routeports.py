@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from functools import partial
 
 from zacoustic.core.base.linktypes import (
+    BROADCAST,
     LinkCapabilities,
     LinkState,
     ReceivedFrame,
@@ -52,6 +53,7 @@ class RoutePorts:
         if not over_it:
             return None
         routes = {each.route_id: each for each in over_it if self._address in each.path}
+        seal = context.node.seal
         relay = self._relays[context.link] = Relay(
             self._address,
             routes,
@@ -63,6 +65,8 @@ class RoutePorts:
             stats=context.stats,
             sizes=context.sizes,
             deliver=self._deliver,
+            # A node that has restarted refuses numbers below its mark, and hop frames go to all.
+            may_have_restarted=None if seal is None else partial(seal.pass_mark, BROADCAST),
         )
         return relay
 

@@ -73,6 +73,11 @@ class Flow:
         self._train = 0
 
     @property
+    def is_silent(self) -> bool:
+        """Whether the next node was silent for so long that it may be absent, or have restarted."""
+        return self.unheard >= _MOST_UNHEARD or self.vain >= _MOST_VAIN
+
+    @property
     def is_in_train(self) -> bool:
         """Whether the last frame has announced another one."""
         return self._train > 0
@@ -131,8 +136,7 @@ class Flow:
             Those that are given up instead.
         """
         self.is_awaiting = False
-        is_silent = self.unheard >= _MOST_UNHEARD or self.vain >= _MOST_VAIN
-        most_tries = 1 if is_silent else MOST_TRIES
+        most_tries = 1 if self.is_silent else MOST_TRIES
         given_up = []
         for each in self.frames.values():
             if each.stage is Stage.AWAITING and (each.is_urgent or not urgent_only):

@@ -120,6 +120,8 @@ class Relay:
         stats: Counters of this link.
         sizes: How many numbers frames have, and how many of them are remembered.
         deliver: Takes frames for this node.
+        may_have_restarted: Called after a frame in vain to a node that is silent for long; None:
+            nobody has to know.
     """
 
     def __init__(
@@ -135,7 +137,9 @@ class Relay:
         stats: LinkStats,
         sizes: Sizes = SIZES,
         deliver: Deliver,
+        may_have_restarted: Callable[[], None] | None = None,
     ) -> None:
+        self._may_have_restarted = may_have_restarted
         self._address = address
         self._routes = dict(routes)
         self._others = others
@@ -552,6 +556,8 @@ class Relay:
         """Transmit again what was not heard further along in time."""
         flow.vain += not flow.was_answered
         flow.unheard += not flow.was_answered
+        if flow.is_silent and self._may_have_restarted is not None:
+            self._may_have_restarted()
         self._again(flow, now, urgent_only=flow.awaits_urgent())
 
     def _again(self, flow: Flow, now: int, *, urgent_only: bool = False) -> None:
