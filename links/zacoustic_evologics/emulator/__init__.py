@@ -13,7 +13,7 @@ From the bottom up:
 """
 
 from zacoustic.link.emulation import ModemDown, ModemOutput, ModemUp, PortBytes, PortClosed
-from zacoustic.link.emulation.water import scenario_of
+from zacoustic.link.emulation.placing import scenario_of
 from zacoustic_evologics.emulator.fleet import EmulatedFleet
 from zacoustic_evologics.emulator.guesses import BurstGuess, burst_guess
 from zacoustic_evologics.emulator.hardware.chassis import Behaviour

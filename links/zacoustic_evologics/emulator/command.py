@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Final
 from zacoustic.command import EXIT_OK, Command
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.errors import ConfigError
-from zacoustic.link.emulation.verb import Reporter, add_places, add_water, serve
+from zacoustic.link.emulation.verb import Reporter, add_places, add_scenario, serve
 from zacoustic.link.serving import LineWriter, run_until_stopped
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class EvologicsEmulation(Command):
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
         """Declare modems, places, faults and form of the output."""
         parser.epilog = "example: zacoustic run modems evologics --modems 2 --listen 127.0.0.1:9200"
-        add_water(parser)
+        add_scenario(parser)
         add_places(
             parser,
             FIRST_PORT,
@@ -121,7 +121,7 @@ def _create_fleet(arguments: argparse.Namespace, observer: "Observer") -> "Emula
     import msgspec
 
     from zacoustic.json5 import read_json5
-    from zacoustic.link.emulation.water import read_water
+    from zacoustic.link.emulation.placing import read_scenario
     from zacoustic_evologics.at.framing import Interpreter
     from zacoustic_evologics.emulator.fleet import EmulatedFleet
     from zacoustic_evologics.emulator.hardware.chassis import Behaviour
@@ -130,7 +130,7 @@ def _create_fleet(arguments: argparse.Namespace, observer: "Observer") -> "Emula
     faults = NO_FAULTS
     if arguments.faults is not None:
         faults = plan_from_mapping(read_json5(arguments.faults), source=arguments.faults)
-    scenario = read_water(arguments, read_json5)
+    scenario = read_scenario(arguments, read_json5)
     if arguments.seed is not None:
         faults = msgspec.structs.replace(faults, seed=arguments.seed)
         scenario = msgspec.structs.replace(scenario, seed=arguments.seed)

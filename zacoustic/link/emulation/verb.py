@@ -111,7 +111,7 @@ def add_places(parser: argparse.ArgumentParser, first_port: int, *, json_help: s
     parser.add_argument("--json", action="store_true", help=f"one JSON object per line{json_help}")
 
 
-def add_water(parser: argparse.ArgumentParser) -> None:
+def add_scenario(parser: argparse.ArgumentParser) -> None:
     """Declare who is where."""
     parser.add_argument(
         "--modems", type=int, metavar="N",
@@ -180,7 +180,7 @@ async def serve(
 
     Args:
         modems: The emulation.
-        arguments: As declared by `add_places` and `add_water`.
+        arguments: As declared by `add_places` and `add_scenario`.
         reporter: Prints the places.
         first_port: Port of the first modem, unless the user names one.
 

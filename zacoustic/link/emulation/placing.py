@@ -35,11 +35,11 @@ def scenario_of(modems: int, *, spacing_m: float = 500.0, seed: int = 1) -> Scen
     return Scenario(nodes=nodes, channel="none", seed=seed)
 
 
-def read_water(arguments: argparse.Namespace, read: Callable[[str], Any]) -> Scenario:
+def read_scenario(arguments: argparse.Namespace, read: Callable[[str], Any]) -> Scenario:
     """Return the scenario of the arguments `--modems` and `--scenario`.
 
     Args:
-        arguments: As declared by `zacoustic.link.emulation.verb.add_water`.
+        arguments: As declared by `zacoustic.link.emulation.verb.add_scenario`.
         read: Reads a file of JSON5 by its path.
 
     Raises:
