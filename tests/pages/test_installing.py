@@ -36,6 +36,8 @@ FILLED_IN: Final = {
 }
 """Where the package or the extra is filled in later; the tests below fill it in."""
 
+_EACH: Final = re.compile(r"pip install\b(?:(?!pip install\b)[^\n])*")
+"""To the next one or the end of the line: a sentence may have two."""
 _ADVICE: Final = re.compile(
     r"""pip[ ]install[ ]+
     (?P<options>(?:-[\w-]+[ ]+)*)
@@ -61,7 +63,7 @@ def advised() -> Iterator[tuple[str, str]]:
         for later in FILLED_IN.get(name, ()):
             assert f"pip install {later}" in text, (name, later)
             text = text.replace(f"pip install {later}", "")
-        for found in re.finditer(r"pip install\b[^\n]*", text):
+        for found in _EACH.finditer(text):
             yield name, found[0]
 
 
