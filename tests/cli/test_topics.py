@@ -113,7 +113,7 @@ def test_traffic_keeps_instants_mean_times_and_what_became_of_frames() -> None:
     assert traffic.heard_at_unix_s() == {3: 1006.0}
     traffic.note_age(12, 4.5)
     assert traffic.of_stream(12)["age_s"] == 4.5
-    traffic.note_age(12, float("inf"))
+    traffic.note_age(12, None)
     assert traffic.of_stream(12)["age_s"] is None
 
 
