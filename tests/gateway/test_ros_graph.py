@@ -265,10 +265,13 @@ def test_a_day_of_nodes_and_endpoints_puts_nothing_on_the_channel() -> None:
     async def main() -> None:
         channel = Channel()
         clock = Clock()
+        # For latched topics a gateway without a journal shows its boot epoch, whoever is there.
+        streams = [each for each in SECTION["streams"] if "durability" not in each]
+        section = SECTION | {"streams": streams}
         async with AsyncExitStack() as stack:
             gateways, ports = [], [free_port(), free_port()]
             for address, port in zip((1, 2), ports, strict=True):
-                config = config_of(address, zenoh_config("router", listen=port), SECTION)
+                config = config_of(address, zenoh_config("router", listen=port), section)
                 gateway = Gateway(
                     config, link=channel.medium.link(address), notify=lambda _: None, clock=clock
                 )
