@@ -80,7 +80,10 @@ def test_airtime_of_lone_frames_is_exact(tmp_path: Path) -> None:
     airtime_s = PROFILES["evologics_s2c_18_34"].airtime_s(21)
     assert stream.airtime_s_per_h == pytest.approx(360 * airtime_s, rel=0.01)
     assert stream.went == 1.0
-    assert stream.expected_s == pytest.approx(airtime_s + 1000.8 / 1500, abs=0.02)
+    # A sample of a steady period lingers for up to a quarter of it, and for up to four of the
+    # longest frames, so that the nodes of a fleet do not meet.
+    least_s = airtime_s + 1000.8 / 1500
+    assert least_s < stream.expected_s < stream.worst_s < least_s + 10 / 4 + 0.02
 
 
 def test_agreement_is_compared_and_the_policy_that_takes_less_is_proposed(

@@ -319,6 +319,8 @@ class Lane:
         self._steady = self._steady + 1 if is_steady else 0
         self._published_at, self._period_ns = item.queued_at, period_ns
         is_long = period_ns >= _LEAST_PERIOD_NS and self._steady >= _STEADY_INTERVALS
+        if item.expires_at is not None:  # it does not linger until it is worthless
+            period_ns = min(period_ns, item.expires_at - item.queued_at)
         return self._spread.draw_ns(period_ns, item.queued_at) if is_long else 0
 
     def take(self, now: int) -> Waiting:
