@@ -83,6 +83,8 @@ def test_airtime_of_lone_frames_is_exact(tmp_path: Path) -> None:
     # A sample of a steady period lingers for up to a quarter of it, and for up to four of the
     # longest frames, so that the nodes of a fleet do not meet.
     least_s = airtime_s + 1000.8 / 1500
+    assert stream.expected_s is not None
+    assert stream.worst_s is not None
     assert least_s < stream.expected_s < stream.worst_s < least_s + 10 / 4 + 0.02
 
 
