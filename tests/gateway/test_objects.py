@@ -99,9 +99,9 @@ def test_a_publisher_gives_it_up() -> None:
 def test_a_subscriber_gives_it_up() -> None:
     async def main() -> None:
         async with AsyncExitStack() as stack:
-            # A refusal that misses its sender's listen window is heard after the whole photo: here
-            # a busy computer is fast enough.
-            sea = channel(20.0)
+            # A refusal after the first listen window is heard in the one after the whole photo,
+            # in seven seconds, for which a busy computer is fast enough.
+            sea = channel(50.0)
             a = await stack.enter_async_context(local_network(1, sea, section=LARGE))
             b = await stack.enter_async_context(local_network(2, sea, section=LARGE))
             shore, auv = (stack.enter_context(each.client()) for each in (a, b))
