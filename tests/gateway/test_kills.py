@@ -4,9 +4,10 @@ A vehicle publishes a log, photos and carried samples, and serves calls; a relay
 the shore, which never hears it. One of the three gateways is killed at a random instant and started
 at once. Programs at both ends are plain Zenoh.
 
-Everything is given to a gateway that runs, `_ACCEPTED_S` before a kill at the latest, so it is in
-the journal by then. A sample whose delivery a kill interrupts comes again, as docs/config.md says
-of `journal`; such a kill is one within `_HANDED_S` of its first arrival.
+Everything is given to a gateway that runs. A kill waits until the gateway counts all that it was
+given, and `_ACCEPTED_S` longer, so it is in the journal by then. A sample whose delivery a kill
+interrupts comes again, as docs/config.md says of `journal`; such a kill is one within `_HANDED_S`
+of its first arrival.
 """
 
 import asyncio
@@ -40,7 +41,7 @@ TOPICS: Final = {LOG: 12, PHOTO: 900, CARRIED: 40}
 """Size of a sample, bytes."""
 KILLS: Final = 1000
 TIME_SCALE: Final = 10.0
-_ACCEPTED_S, _HANDED_S = 0.3, 0.5
+_TAKEN_S, _ACCEPTED_S, _HANDED_S = 60.0, 0.3, 0.5
 _CALL_S: Final = 30.0
 _END_S: Final = 1800.0
 SCENARIO: Final = {
@@ -89,7 +90,8 @@ class Fleet:
         self.asked: dict[bytes, str] = {}
         """How each call ended; empty: not yet."""
         self.kills: list[tuple[float, int]] = []
-        self.given_at = 0.0
+        self._given_before = 0
+        """How many samples the former lives of the vehicle's gateway were given."""
         self._arrived = asyncio.Event()
         self._folder = folder
         self._stack = stack
@@ -172,7 +174,6 @@ class Fleet:
         value += random.Random(number).randbytes(TOPICS[topic] - len(value))
         self.given[topic].append(value)
         self._auv.put(topic, value)
-        self.given_at = time.monotonic()
 
     def call(self) -> None:
         """Call the vehicle from the shore."""
@@ -195,7 +196,7 @@ class Fleet:
             elif self.waiting(topic) < 5:
                 self.publish(topic)
             await asyncio.sleep(rng.uniform(0.05, 0.3))
-        await asyncio.sleep(max(0.0, self.given_at + _ACCEPTED_S - time.monotonic()))
+        await self.accepted()
         victim = rng.choice(NODES)
         process = self._running[victim]
         self.kills.append((time.monotonic(), victim))
@@ -203,7 +204,17 @@ class Fleet:
         await process.wait()
         await self.start(victim)
         if victim == AUV:
+            self._given_before = sum(map(len, self.given.values()))
             await self.are_matched()
+
+    async def accepted(self) -> None:
+        """Wait until the vehicle's gateway has all that it was given, in its journal."""
+        given = sum(map(len, self.given.values())) - self._given_before
+        async with asyncio.timeout(_TAKEN_S):
+            while (taken := await self.published()) < given:
+                pass  # each look is a question to the gateway
+        assert taken == given
+        await asyncio.sleep(_ACCEPTED_S)
 
     def _take(self, topic: str, at: float, value: bytes) -> None:
         self.got[topic].append((at, value))
@@ -233,18 +244,26 @@ class Fleet:
         return wrong
 
     async def frames(self) -> int:
-        """Return how many frames all gateways have transmitted."""
-        total = 0
-        for each, session in ((SHORE, self._shore), (AUV, self._auv)):
-            replies = await asyncio.to_thread(
-                lambda each=each, session=session: [  # type: ignore[misc]
-                    *session.get(f"@acoustic/{each}/stats", timeout=5.0)
-                ]
-            )
-            for reply in replies:
-                assert reply.ok is not None
-                total += json.loads(reply.ok.payload.to_string())["frames_transmitted"]
-        return total
+        """Return how many frames both ends have transmitted."""
+        stats = [
+            await _document(session, f"@acoustic/{address}/stats")
+            for address, session in ((SHORE, self._shore), (AUV, self._auv))
+        ]
+        return sum(each["frames_transmitted"] for each in stats)
+
+    async def published(self) -> int:
+        """Return how many samples the vehicle's gateway has taken since its start."""
+        streams = (await _document(self._auv, f"@acoustic/{AUV}/streams"))["streams"]
+        return sum(each.get("published", 0) for each in streams if each["name"] in TOPICS)
+
+
+async def _document(session: zenoh.Session, key: str) -> dict[str, Any]:
+    """Return a document of a gateway."""
+    replies = await asyncio.to_thread(lambda: [*session.get(key, timeout=20.0)])
+    (reply,) = replies
+    assert reply.ok is not None
+    found: dict[str, Any] = json.loads(reply.ok.payload.to_string())
+    return found
 
 
 async def _do(*arguments: object) -> None:
