@@ -12,7 +12,7 @@ import zenoh
 from tests.bringup.conftest import PACKAGE
 from tests.bringup.rosstandin import Here, Placed
 from tests.bringup.test_package import parameters
-from tests.gateway.networks import Channel, local_network, run, until, zenoh_router
+from tests.gateway.networks import Channel, LocalNetwork, local_network, run, until, zenoh_router
 from tests.gateway.rosnode import Node, ros_session
 from tests.gateway.test_lostcontact import states
 from zacoustic.json5 import read_json5
@@ -45,6 +45,11 @@ def started(session: zenoh.Session, **given: Any) -> Iterator[tuple[Any, list[st
         yield importlib.import_module("zacoustic_bringup.lost_contact").LostContact(), here.logged
 
 
+async def asked(what: str, logged: list[str], auv: LocalNetwork) -> None:
+    """Wait for a call of the gateway that reached the node: one before the node is there fails."""
+    await until(lambda: any(what in each for each in logged), auv.changed)
+
+
 def test_the_gateway_is_told_when_the_mission_has_agreed_to_end() -> None:
     async def scene() -> None:
         async with local_network(2, Channel(), section=section()) as auv:
@@ -72,8 +77,8 @@ def test_a_mission_that_listens_to_a_topic_hears_it() -> None:
                     "abort_type": "std_msgs/msg/String",
                 }  # fmt: skip
                 with started(session, **given) as (_, logged):
-                    await until(lambda: "unanswered" in states(auv), auv.changed)
-                    assert any("nobody subscribes" in each for each in logged)
+                    await asked("nobody subscribes", logged, auv)
+                    assert "unanswered" in states(auv)
                     mission = Node(other, "mission")
                     heard = mission.subscribe("/auv1/mission", given["abort_type"])
                     await until(lambda: states(auv)[-1:] == ["acted"], auv.changed)
@@ -95,11 +100,12 @@ def test_it_sees_the_gateway_in_the_graph_and_acts_when_that_is_gone(
             async with local_network(2, Channel(), section=section(), join=port) as auv:
                 with started(session) as (node, logged):
                     (look,) = node.timers
-                    await until(lambda: "unanswered" in states(auv), auv.changed)
+                    # by the gateway, whose crew is lost
+                    await asked("nobody serves /auv1/abort", logged, auv)
+                    assert len({*logged}) == 1
                     now[0] = 1000.0
                     look()
-                    (called,) = {*logged}  # by the gateway, whose crew is lost
-                    assert "nobody serves /auv1/abort" in called
+                    assert len({*logged}) == 1
             logged.clear()
             now[0] = 1119.0
             look()

@@ -155,7 +155,7 @@ def test_a_subscriber_takes_less() -> None:
 
 
 def test_blocking() -> None:
-    with ChannelServer(S2C) as locator:
+    with ChannelServer(S2C, SLOWER) as locator:
         shore = blocking.Node(1, config=config(), link=locator)
         auv = blocking.Node(2, config=config(2), link=locator)
         with shore, auv:

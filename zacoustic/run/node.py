@@ -150,6 +150,11 @@ class PreparedNode:
         """Makes its engines, or None."""
         self._has_runner = False
 
+    @property
+    def is_restart(self) -> bool:
+        """Whether it goes on from a journal that has begun a boot epoch before."""
+        return self._state.is_restart
+
     def make_runner(
         self, trace: TraceSink | None = None, *, waits_for_link: bool = False
     ) -> LinkRunner:

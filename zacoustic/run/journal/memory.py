@@ -18,9 +18,11 @@ class MemoryJournal:
 
     def recover(self) -> JournalState:
         """Begin the next boot epoch; return it with the committed entries."""
+        is_restart = bool(self._entries)
         self._entries = begin_life(self._entries).entries
         epoch = int.from_bytes(self._entries[EPOCH_KEY], "big")
-        return JournalState(boot_epoch=epoch, entries={**self._entries, VOLATILE_KEY: b""})
+        entries = {**self._entries, VOLATILE_KEY: b""}
+        return JournalState(boot_epoch=epoch, entries=entries, is_restart=is_restart)
 
     def commit(self, writes: Sequence[JournalWrite]) -> None:
         """Store the writes while this object exists."""

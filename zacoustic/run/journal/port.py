@@ -29,6 +29,8 @@ class JournalState(msgspec.Struct, frozen=True, kw_only=True):
     """The boot epoch, 0…65535, different from the former one."""
     entries: dict[str, bytes] = {}
     """Key → last committed value."""
+    is_restart: bool = False
+    """Whether it has begun a boot epoch before."""
     doubt: str = ""
     """Why the last commits may be missing, one line; empty: they are not."""
     failure: str = ""

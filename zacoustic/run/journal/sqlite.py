@@ -82,6 +82,7 @@ class SqliteJournal:
         return JournalState(
             boot_epoch=int.from_bytes(life.entries[EPOCH_KEY], "big"),
             entries=life.entries,
+            is_restart=bool(found.entries),
             doubt=doubt,
             failure=failure,
         )

@@ -62,12 +62,16 @@ class GatewaySession:
     async def open(self) -> None:
         """Become visible, open the link, declare the streams.
 
+        After a restart, local subscribers come before the link.
+
         Raises:
             SessionError: Another gateway has the address.
             LinkOpenError: The link cannot be opened.
             RangeUnavailableError: The config measures ranges, and the link cannot.
         """
         await self.network.join()
+        if self._node.is_restart:
+            await self._streams.matching.have_returned()
         await self.runner.start(self._dispatcher.deliver, self._status.health.touch)
         self._streams.recover(self.runner.engine.stored)
         self._node.start_ranging(self.runner)
