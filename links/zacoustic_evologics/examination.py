@@ -34,6 +34,7 @@ BAUDRATES: Final = (19_200, 115_200, 9_600, 38_400, 57_600, 4_800, 2_400)
 SERVED_FIRMWARES: Final = ("1.6", "1.7", "1.8", "1.9")
 """Firmwares whose peculiarities the driver knows."""
 LEVELS_DB: Final = {0: "the loudest", 1: "-6 dB", 2: "-12 dB", 3: "-20 dB"}
+NORMAL_GAIN: Final = 0
 
 _DEAF_WORDS: Final = ("NOISE", "DEAF", "PHY")
 _BURST_WORDS: Final = ("ESTABLISH", "ONLINE", "BACKOFF", "DISCONNECT")
@@ -202,6 +203,9 @@ def assess(health: Mapping[str, Any], config: EvologicsConfig) -> list[Finding]:
     level = readings.get("source_level")
     if isinstance(level, int):
         found += _of_level(Number(level), config)
+    gain = readings.get("gain")
+    if isinstance(gain, int):
+        found += _of_gain(Number(gain), config)
     return found
 
 
@@ -229,6 +233,8 @@ async def _judgements(
     if isinstance(highest, Number) and is_left and node_address > highest.value:
         yield _too_small(highest.value, node_address)
     for finding in _of_level(await examination.ask(Query("L")), config):
+        yield finding
+    for finding in _of_gain(await examination.ask(Query("G")), config):
         yield finding
 
 
@@ -300,6 +306,18 @@ def _of_level(reply: CommandReply | None, config: EvologicsConfig) -> Iterator[F
             why="in water nobody farther than some hundred metres hears it",
             cure="source_level=0 in the locator, or AT!L0 in the modem; deck=true where it is in "
             "air",
+        )
+
+
+def _of_gain(reply: CommandReply | None, config: EvologicsConfig) -> Iterator[Finding]:
+    if config.deck or not isinstance(reply, Number):
+        return
+    gain = reply.value if config.gain is None else config.gain
+    if gain != NORMAL_GAIN:
+        yield Finding(
+            what=f"gain of the receiver is {gain}, low: that of a tank",
+            why="in water it hears only who is near",
+            cure="gain=0 in the locator, or AT!G0 in the modem; deck=true where it is in air",
         )
 
 

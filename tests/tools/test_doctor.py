@@ -452,6 +452,16 @@ def test_a_source_level_for_the_bench(tmp_path: Path) -> None:
     run(main())
 
 
+def test_a_gain_for_the_tank(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with modem_file(tmp_path, {"G": 1}) as path:
+            assert "gain of the receiver is 1, low" in (await problem(path)).text
+        async with modem_file(tmp_path, {"G": 1}, behind="#gain=0") as path:
+            assert (await examine(path)).code == 0
+
+    run(main())
+
+
 def test_a_firmware_that_nobody_knows(tmp_path: Path) -> None:
     async def main() -> None:
         async with modem_file(tmp_path, firmware="3.0-beta") as path:
@@ -483,13 +493,14 @@ def test_a_port_that_is_in_use_is_left_alone(tmp_path: Path) -> None:
 
 def test_a_gateway_that_runs_is_asked_about_its_modem(tmp_path: Path) -> None:
     async def main() -> None:
-        async with modems(settings={"L": 3}) as server:
+        async with modems(settings={"L": 3, "G": 1}) as server:
             place = server.open_terminal(1)
             locator = f"evologics/{place.locator}"
             async with gateway(1, registry.create(locator, 1)) as shore:
                 path = beside(tmp_path, shore, locator)
                 told = await problem(path)
-        assert [each["what"][:17] for each in told.findings] == ["source level is 3"]
+        said = [each["what"].split(",")[0] for each in told.findings]
+        assert said == ["source level is 3", "gain of the receiver is 1"]
 
     run(main())
 
