@@ -86,8 +86,13 @@ class Drive:
         is_foreign = hostile.kind == "foreign"
         setting = hostile.setting
         self.ends = setting.ends or hostile.addresses
+        of_nodes = setting.rules.values() if isinstance(setting.rules, dict) else [setting.rules]
+        routes = [route for rules in of_nodes for route in rules.routes]
         self.oracle = Oracle(
-            self.ends, doubles=bool(faults.duplicate) or is_foreign, strangers=is_foreign
+            self.ends,
+            doubles=bool(faults.duplicate) or is_foreign,
+            strangers=is_foreign,
+            lifetime_s=max((each.longest_s for each in routes), default=0.0),
         )
         self._early: list[tuple[int, Event]] | None = []
         top = max(hostile.addresses) + 1

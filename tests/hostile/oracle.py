@@ -14,7 +14,8 @@ LONGEST_S: Final = {fleet.ARM: 310.0, fleet.GOTO: 820.0, 175: 310.0}
 """Time within which a call, a goal, an order has an end, s: the time-outs of `fleet`, with 10 s, or
 a tenth part, for timers of clocks that drift and for what waits for a commit."""
 COPIED_S: Final = 35.0
-"""Copies of an urgent best-effort sample go for 30 s, docs/wire.md says; and one frame is slow."""
+"""Copies of an urgent best-effort sample go for 30 s, docs/wire.md says; and one frame is slow. On
+a route the first node tries for its lifetime, and each hop for its part of that."""
 
 
 class Given(msgspec.Struct):
@@ -43,13 +44,16 @@ class Oracle:
     Args:
         addresses: All nodes.
         doubles: Best-effort samples may come twice: the modem hands frames over twice.
+        lifetime_s: The longest lifetime of a route, s.
         strangers: Another fleet has the same addresses. Frames that do not say whose they are, as
             most do once two nodes know each other, are taken for those of this fleet until frames
             are sealed: what strangers give is ignored here, an ACK of theirs is believed, and so is
             their count.
     """
 
-    def __init__(self, addresses: tuple[int, ...], *, doubles: bool, strangers: bool) -> None:
+    def __init__(
+        self, addresses: tuple[int, ...], *, doubles: bool, strangers: bool, lifetime_s: float = 0.0
+    ) -> None:
         self.violations: list[str] = []
         self.given: dict[int, Given] = {}
         """By ticket."""
@@ -57,6 +61,7 @@ class Oracle:
         """Nodes whose journal was restored or damaged: they may do again what they did before."""
         self._addresses = addresses
         self._doubles = doubles
+        self._copied_s = COPIED_S + 2 * lifetime_s
         self._strangers = strangers
         self._by_name: dict[tuple[int, int, str, object], Given] = {}
         self.counts: dict[str, int] = {}
@@ -105,7 +110,7 @@ class Oracle:
         is_best_effort = stream_id in fleet.BEST_EFFORT
         is_allowed = node in self.forgetful or self._strangers or (is_best_effort and self._doubles)
         is_next_life = life > max(lives, default=life)
-        is_copy = is_best_effort and now_s - given.at_s <= COPIED_S
+        is_copy = is_best_effort and now_s - given.at_s <= self._copied_s
         is_allowed |= is_next_life and (again or is_copy)
         if is_again and not is_allowed:
             self.complain(f"{where}: a second time, given at {given.at_s:.1f} s")

@@ -106,6 +106,30 @@ def test_reliable_samples_arrive_once_whatever_relays_forget(
         assert line.values(KEPT) == wanted, f"seed {seed}"
 
 
+def test_a_relay_without_airtime_holds_no_frame_for_longer_than_its_hop_may_take() -> None:
+    """Held for longer, it is a new frame to a node that has forgotten it by then."""
+    begun: dict[tuple[str, int], int] = {}
+    held_ns = [0]
+
+    def look(record: TraceRecord) -> None:
+        if record.what == "transmit" and record.link == "link" and b"report".hex() in record.frame:
+            content = record.frame[8:]  # without the header
+            begun.setdefault((content, record.node), record.at)
+            if record.node > 1:
+                held_ns.append(record.at - begun[content, record.node - 1])
+
+    rules = TransmitRules(relay=RelayRules(max_airtime=0.005))
+    line = LineOfFive(0.0, rules=rules, trace=look)
+    for number in range(200):
+        line.network.at(60.0 + 5.0 * number, partial(line.publish, FIX, b"report %d" % number))
+    line.network.run(until_s=HOUR_S)
+    values = line.values(FIX)
+    assert len(set(values)) == len(values)
+    assert line.dropped("relay_given_up") > 10
+    hop_s = route(1, 2, 3, 4, 5).longest_s / 4
+    assert max(held_ns) / 1e9 < hop_s + 2.0
+
+
 def test_calls_and_goals_run_once_and_end_once(count: Callable[[int], int]) -> None:
     """Relays are killed, and the channel repeats frames as late as a route lives."""
     each = count(1000)

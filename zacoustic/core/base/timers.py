@@ -50,6 +50,8 @@ class Due(enum.IntEnum):
     """An outgoing object expires."""
     RELAY = enum.auto()
     """A frame of a route is transmitted again or given up."""
+    CUSTODY = enum.auto()
+    """A frame of a route has waited for too long."""
     BOND = enum.auto()
     """A frame of a bond has no answer, or a better link is tried again."""
     RANGE = enum.auto()

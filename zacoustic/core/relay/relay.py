@@ -197,7 +197,7 @@ class Relay:
                     del old.frames[seq]
                     moved = Number(number, is_back, self._take_seq(number, new))
                     custody.relayed = msgspec.structs.replace(custody.relayed, number=moved)
-                    new.frames[moved.seq] = custody
+                    self._hold(new, custody)
             self._settle(old, now)
 
     def drop(self, number: int, now: int) -> None:
@@ -258,7 +258,7 @@ class Relay:
         number = Number(used, is_back, self._take_seq(used, flow))
         expires_at = now + seconds_to_ns(route.longest_s)
         relayed = Relayed(number, content, is_urgent=is_urgent)
-        flow.frames[number.seq] = Custody(relayed, now, expires_at, ended, entries, now)
+        self._hold(flow, Custody(relayed, now, expires_at, ended, entries, now))
 
     def hops(self) -> list[Hop]:
         """Return how the hops from this node do, in the order of the routes."""
@@ -459,8 +459,27 @@ class Relay:
         self._make_room(now)
         expires_at = now + seconds_to_ns(route.longest_s) // route.hops
         made_at = made_before(frame, travelled(frame, relayed.age))
-        flow.frames[number.seq] = Custody(relayed, now, expires_at, made_at=made_at)
+        self._hold(flow, Custody(relayed, now, expires_at, made_at=made_at))
         return None
+
+    def _hold(self, flow: Flow, custody: Custody) -> None:
+        """Take a frame into custody."""
+        number = custody.number
+        flow.frames[number.seq] = custody
+        key = Due.CUSTODY, number.route, number.is_back, number.seq
+        self._timers.at(key, custody.expires_at, partial(self._expire, custody))
+
+    def _expire(self, custody: Custody, now: int) -> None:
+        """Give up a frame that waits for too long: another node may take it for a new one.
+
+        What only this node has had is new wherever it comes. What is under way ends with its try.
+        """
+        number = custody.number
+        flow = self._flows.get((number.route, number.is_back))
+        if flow is None or flow.frames.get(number.seq) is not custody:
+            return
+        if custody.stage is Stage.WAITING and (custody.tries or not custody.is_own):
+            self._give_up(flow, custody, now)
 
     def _take_seq(self, number: int, flow: Flow) -> int:
         """Return the next sequence number on a path of which no frame is in custody."""
