@@ -152,7 +152,9 @@ def test_gateway_of_an_older_version_is_shown_as_far_as_it_tells() -> None:
 
 
 def test_terminal_shows_one_picture_after_the_other() -> None:
-    console = Console(file=io.StringIO(), force_terminal=True, width=100, height=50)
+    console = Console(
+        file=io.StringIO(), force_terminal=True, width=100, height=50, _environ={"TERM": "xterm"}
+    )
     with Terminal(console) as terminal:
         terminal.show(waiting_picture("tcp/h:7447"))
         terminal.show(picture([full_view()]))

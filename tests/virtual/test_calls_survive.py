@@ -78,9 +78,9 @@ def _nothing_recovered(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("break_it", "expected", "first"),
     [
-        (_answers_of_any_life, "is answered with", 42),
+        (_answers_of_any_life, "is answered with", 116),
         (_forgotten_at_once, "is executed again", 4),
-        (_nothing_recovered, "is executed again", 11),
+        (_nothing_recovered, "is executed again", 16),
     ],
 )
 def test_scenarios_find_what_is_wrong(
