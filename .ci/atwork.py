@@ -1,10 +1,10 @@
-"""Run a command; when it says nothing for four seconds, say that it is at work and how long.
+"""Run a command; after four silent seconds, print that it is at work and since when.
 
-    python .ci/atwork.py WHAT COMMAND [ARGUMENT ...]
+    python .ci/atwork.py NAME COMMAND [ARGUMENT ...]
 
-WHAT names it in that line. All that the command says is passed on as it comes, by way of a terminal
-of its own if the output is one, so that colours stay. The exit code is that of the command. Knows
-nothing of the project, and needs nothing but Python.
+NAME stands in that line. Output of the command is passed on as it comes, through a terminal of its
+own if ours is one, so colours stay. The exit code is the command's. This file knows nothing of the
+project and needs Python alone.
 """
 
 import contextlib
