@@ -83,7 +83,7 @@ def choose(
     capabilities: LinkCapabilities,
     address: int,
     rng: random.Random,
-    is_crowd: Callable[[], bool] = lambda: False,
+    is_crowd: Callable[[], bool] | None = None,
 ) -> MediumAccess:
     """Make the policy of a link.
 
@@ -92,7 +92,7 @@ def choose(
         capabilities: The link's.
         address: Address of this node.
         rng: For the back-off.
-        is_crowd: Returns whether at least two other nodes are known.
+        is_crowd: Returns whether at least two other nodes are known; None: never.
 
     Raises:
         ConfigError: The choice cannot work on this link; says why.

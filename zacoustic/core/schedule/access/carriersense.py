@@ -43,14 +43,14 @@ class CarrierSense(MediumAccess):
     Args:
         capabilities: The link's, for its airtime.
         rng: Draws the back-off.
-        is_crowd: Returns whether at least two other nodes are known.
+        is_crowd: Returns whether at least two other nodes are known; None: never.
     """
 
     def __init__(
         self,
         capabilities: LinkCapabilities,
         rng: random.Random,
-        is_crowd: Callable[[], bool] = lambda: False,
+        is_crowd: Callable[[], bool] | None = None,
     ) -> None:
         self._slot_ns = capabilities.airtime_ns(_SHORT_FRAME_BYTES)
         self._back_off = BackOff(self._slot_ns, rng)
@@ -60,7 +60,7 @@ class CarrierSense(MediumAccess):
         self._carrier_limit_ns = _CARRIER_LIMIT_FRAMES * capabilities.airtime_ns(
             capabilities.mtu_bytes
         )
-        self._is_crowd = is_crowd
+        self._is_crowd = is_crowd or _never
         self._busy_since: int | None = None
         self._idle_since = 0
         """Instant from which the back-off counts, ns."""
@@ -140,3 +140,7 @@ class CarrierSense(MediumAccess):
             self._back_off.shrink()
         else:
             self._back_off.grow()
+
+
+def _never() -> bool:
+    return False
