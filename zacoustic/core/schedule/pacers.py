@@ -20,6 +20,10 @@ _PRESENT_ROUND_TRIPS: Final = 4
 """A node that was heard within this many round trips is present."""
 
 
+def _known(address: int, stream_id: int) -> None:
+    """Do nothing: the next frame can be read."""
+
+
 class Pacers(PerPeer[Pacer]):
     """A pacer for each node.
 
@@ -31,7 +35,7 @@ class Pacers(PerPeer[Pacer]):
     def __init__(
         self,
         peers: Peers,
-        introduce: Callable[[int, int], None] = lambda address, stream_id: None,
+        introduce: Callable[[int, int], None] = _known,
     ) -> None:
         super().__init__(peers, Pacer)
         self.times: LinkTimes | None = None

@@ -41,7 +41,7 @@ from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.access import Listening, MediumAccess, Wanted, choose
 from zacoustic.core.schedule.access.base import Arrival
-from zacoustic.core.schedule.access.fairshare import FairShare, fair_share
+from zacoustic.core.schedule.access.fairshare import FairShare, fair_share, never
 from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.schedule.bulkwindow import BulkWindow
 from zacoustic.core.schedule.othertrains import OtherTrains
@@ -63,6 +63,10 @@ BULK_PAUSE_MARGIN_NS: Final = 8 * NS_PER_S // 10
 MOST_OUTSTANDING: Final = 1
 """The most transmissions of the plain service under way: as many as links of
 `zacoustic.link.contract` accept."""
+
+
+def _unknown(address: int, now: int) -> None:
+    return None
 
 
 class LinkPort:
@@ -94,9 +98,9 @@ class LinkPort:
         envelope: Envelope | None = None,
         measurements: Measurements | None = None,
         most_outstanding: int = MOST_OUTSTANDING,
-        is_crowd: Callable[[], bool] = lambda: False,
+        is_crowd: Callable[[], bool] = never,
         max_airtime: float | None = None,
-        answered: Callable[[int, int], tuple[int, int] | None] = lambda address, now: None,
+        answered: Callable[[int, int], tuple[int, int] | None] = _unknown,
     ) -> None:
         self._answered = answered
         self.capabilities = capabilities

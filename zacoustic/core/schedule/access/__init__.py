@@ -33,6 +33,7 @@ from zacoustic.core.schedule.access.base import (
 )
 from zacoustic.core.schedule.access.carriersense import CarrierSense
 from zacoustic.core.schedule.access.delegated import Delegated
+from zacoustic.core.schedule.access.fairshare import never
 from zacoustic.core.schedule.access.listening import Listening
 from zacoustic.core.schedule.access.polling import polling
 from zacoustic.core.schedule.access.spec import (
@@ -83,7 +84,7 @@ def choose(
     capabilities: LinkCapabilities,
     address: int,
     rng: random.Random,
-    is_crowd: Callable[[], bool] | None = None,
+    is_crowd: Callable[[], bool] = never,
 ) -> MediumAccess:
     """Make the policy of a link.
 
@@ -92,7 +93,7 @@ def choose(
         capabilities: The link's.
         address: Address of this node.
         rng: For the back-off.
-        is_crowd: Returns whether at least two other nodes are known; None: never.
+        is_crowd: Returns whether at least two other nodes are known.
 
     Raises:
         ConfigError: The choice cannot work on this link; says why.

@@ -31,6 +31,7 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.schedule.access.backoff import BackOff
 from zacoustic.core.schedule.access.base import MediumAccess, Wanted
+from zacoustic.core.schedule.access.fairshare import never
 from zacoustic.core.schedule.access.otherruns import MARGIN_NS
 
 _SHORT_FRAME_BYTES: Final = 8
@@ -43,14 +44,14 @@ class CarrierSense(MediumAccess):
     Args:
         capabilities: The link's, for its airtime.
         rng: Draws the back-off.
-        is_crowd: Returns whether at least two other nodes are known; None: never.
+        is_crowd: Returns whether at least two other nodes are known.
     """
 
     def __init__(
         self,
         capabilities: LinkCapabilities,
         rng: random.Random,
-        is_crowd: Callable[[], bool] | None = None,
+        is_crowd: Callable[[], bool] = never,
     ) -> None:
         self._slot_ns = capabilities.airtime_ns(_SHORT_FRAME_BYTES)
         self._back_off = BackOff(self._slot_ns, rng)
@@ -60,7 +61,7 @@ class CarrierSense(MediumAccess):
         self._carrier_limit_ns = _CARRIER_LIMIT_FRAMES * capabilities.airtime_ns(
             capabilities.mtu_bytes
         )
-        self._is_crowd = is_crowd or _never
+        self._is_crowd = is_crowd
         self._busy_since: int | None = None
         self._idle_since = 0
         """Instant from which the back-off counts, ns."""
@@ -140,7 +141,3 @@ class CarrierSense(MediumAccess):
             self._back_off.shrink()
         else:
             self._back_off.grow()
-
-
-def _never() -> bool:
-    return False

@@ -43,6 +43,11 @@ def fair_share(capabilities: LinkCapabilities, max_airtime: float | None) -> flo
     return max(default, max_airtime or 0.0)
 
 
+def never() -> bool:
+    """Return that this is no crowd; mypyc takes no lambda as a default."""
+    return False
+
+
 class FairShare:
     """The debt of this node to the others on its link.
 
