@@ -296,8 +296,10 @@ class _Maybe(_Part):
 class _Special(_Part):
     """A float that may be no value: which of these it is, or the number."""
 
-    _NAN, _NUMBER, _ABOVE, _BELOW = range(4)
-    _VALUES: Final = {_NAN: math.nan, _ABOVE: math.inf, _BELOW: -math.inf}
+    _NAN: Final = 0
+    _NUMBER: Final = 1
+    _ABOVE: Final = 2
+    _BELOW: Final = 3
 
     def __init__(
         self, layout: Layout, field: FieldSpec, path: str, guard: tuple[int, int] | None
@@ -318,7 +320,9 @@ class _Special(_Part):
         kind = row[self._kind]
         if kind == self._NUMBER or kind is None:
             return self._number.join(row, rest)
-        return self._VALUES[kind]
+        if kind == self._NAN:
+            return math.nan
+        return math.inf if kind == self._ABOVE else -math.inf
 
 
 class _Several(_Part):
