@@ -150,6 +150,40 @@ async def test_a_stamp_of_a_message_in_parts_is_rebuilt_as_well(pair: Pair) -> N
     assert abs(beside.stamp_ns / 1e9 - made_s) <= 5
 
 
+TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"
+
+
+@with_pair(
+    changed(
+        streams=[
+            {"id": 12, "topic": "/tf", "type": TRANSFORMS, "ros": {"stamp": "age"},
+             "publishers": [2]},
+        ],
+        overlays=[],
+    )
+)  # fmt: skip
+async def test_the_stamps_of_transforms_are_rebuilt_by_the_clock_beyond(pair: Pair) -> None:
+    await ready(pair.auv, "/tf", TRANSFORMS)
+    told = await heard(pair.shore, "/tf", TRANSFORMS)
+    publish = pair.auv.publisher("/tf", TRANSFORMS)
+    made_s = int(time.time()) - 40
+    value: dict[str, Any] = {"transforms": []}
+    for number, before_s in enumerate((0, 7)):
+        each = pair.auv.zero("geometry_msgs/msg/TransformStamped")
+        stamp = {"sec": made_s - before_s, "nanosec": 0}
+        each["header"] = {"stamp": stamp, "frame_id": f"frame{number}"}
+        value["transforms"].append(each)
+    publish(value)
+    came, _ = await told.next()
+    stamps = [
+        each["header"]["stamp"]["sec"] + each["header"]["stamp"]["nanosec"] / 1e9
+        for each in came["transforms"]
+    ]
+    assert abs(stamps[0] - made_s) <= 2.1
+    assert abs(stamps[0] - stamps[1] - 7) < 0.01
+    assert [each["header"]["frame_id"] for each in came["transforms"]] == ["frame0", "frame1"]
+
+
 @with_pair()
 async def test_a_constant_that_differs_is_counted_and_stays(pair: Pair) -> None:
     await ready(pair.auv, "/auv1/fix", FIX)

@@ -208,6 +208,65 @@ def test_a_stamp_is_exact_dropped_or_an_age() -> None:
         message("geometry_msgs/msg/Twist", stamp=HeaderStamp.DROP)
 
 
+STAMP_S: Final = 1_800_000_000
+
+
+def transforms(*stamps_s: float) -> dict[str, Any]:
+    found = []
+    for stamp_s in stamps_s:
+        each = filled("geometry_msgs/msg/TransformStamped")
+        stamp = {"sec": int(stamp_s), "nanosec": round(stamp_s % 1 * 1e9)}
+        found.append(each | {"header": each["header"] | {"stamp": stamp}})
+    return {"transforms": found}
+
+
+def some_time_before(newest_s: float, before_s: list[float | None]) -> dict[str, Any]:
+    return transforms(*(0.0 if each is None else newest_s - each for each in before_s))
+
+
+@pytest.mark.parametrize(
+    ("before_s", "crossing"),
+    [
+        ([], []),
+        ([0.0], []),
+        ([0.0, 0.0, 0.0], []),
+        ([0.0, 12.5, 3600.0], [0, 12_500, 3_600_000]),
+        ([None, 0.0], [2**32 - 1, 0]),
+        ([None, None], []),
+    ],
+)
+def test_stamps_in_a_list_become_one_age(before_s: list[float | None], crossing: list[int]) -> None:
+    name = "tf2_msgs/msg/TFMessage"
+    plain, aged = message(name), message(name, stamp=HeaderStamp.AGE)
+    read, stamp_ns = aged.read(plain.write(some_time_before(STAMP_S, before_s)))
+    assert read["stamps_before_ms"] == crossing
+    if not before_s:
+        assert stamp_ns is None
+    else:
+        assert stamp_ns == (0 if set(before_s) == {None} else STAMP_S * 10**9)
+    assert "stamp" not in str([each["header"] for each in read["transforms"]])
+    for codec in (CborCodec(aged.spec), PackedCodec(aged.spec)):
+        crossed = codec.decode(codec.encode(aged.spec.validate(read)))
+        later_ns = (STAMP_S + 100) * 10**9 if stamp_ns else None
+        written, _ = plain.read(aged.write(crossed, later_ns))
+        wanted, _ = plain.read(plain.write(some_time_before(STAMP_S + 100, before_s)))
+        assert written == wanted
+    unknown, _ = plain.read(aged.write(aged.spec.validate(read), None))
+    assert all(each["header"]["stamp"]["sec"] == 0 for each in unknown["transforms"])
+
+
+def test_stamps_in_a_list_that_contradict_it_are_refused() -> None:
+    name = "tf2_msgs/msg/TFMessage"
+    plain, aged = message(name), message(name, stamp=HeaderStamp.AGE)
+    value, _ = aged.read(plain.write(transforms(STAMP_S)))
+    with pytest.raises(PayloadInvalidError, match="1 of transforms, 2 stamps"):
+        aged.write(value | {"stamps_before_ms": [1, 0]}, 5 * 10**18)
+    with pytest.raises(PayloadInvalidError, match="20833 days apart; allowed: 49"):
+        aged.read(plain.write(transforms(1, STAMP_S)))
+    with pytest.raises(ConfigError, match="has no header"):
+        message("tf2_msgs/msg/TFMessage", stamp=HeaderStamp.DROP)
+
+
 def test_a_fixed_array_of_bytes_has_its_length() -> None:
     ros = message("unique_identifier_msgs/msg/UUID")
     assert ros.read(ros.write({"uuid": bytes(range(16))}))[0] == {"uuid": bytes(range(16))}

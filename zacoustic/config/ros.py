@@ -18,7 +18,7 @@ from zacoustic.core.base.qos import Stamp
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.types import TypeSpec
 from zacoustic.errors import ConfigError
-from zacoustic.ros.interfaces import Interfaces, has_header
+from zacoustic.ros.interfaces import Interfaces, has_header, stamped_list
 from zacoustic.ros.names import check_namespace, is_interface, stream_name
 from zacoustic.ros.qos import RosDurability, RosQos, RosReliability
 from zacoustic.ros.streams import (
@@ -235,7 +235,9 @@ class RosReader:
         if stamp not in words:
             here.at("stamp").refuse(allowed=", ".join(words))
         interfaces = self._load()
-        if stamp != _EXACT and name in interfaces and not has_header(interfaces, name):
+        if stamp == _EXACT or name not in interfaces or has_header(interfaces, name):
+            return stamp
+        if stamp != "age" or stamped_list(interfaces, name) is None:
             here.at("stamp").refuse(allowed=f"{_EXACT}: {name} has no header")
         return stamp
 

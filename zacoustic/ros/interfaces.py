@@ -123,6 +123,21 @@ def has_header(interfaces: Interfaces, name: str) -> bool:
     )
 
 
+def stamped_list(interfaces: Interfaces, name: str) -> Member | None:
+    """Return the one member of a message that is a list of messages with a header, as of TF.
+
+    None: there is no such member, or there are several.
+    """
+    found = [
+        member
+        for member in interfaces.members(name)
+        if (member.is_sequence or member.is_array)
+        and member.is_nested
+        and has_header(interfaces, member.type)
+    ]
+    return found[0] if len(found) == 1 else None
+
+
 def distros() -> tuple[str, ...]:
     """Return the names of the known distributions, oldest first.
 
