@@ -2,7 +2,7 @@
 
 import time
 from contextlib import AsyncExitStack
-from typing import Final
+from typing import Any, Final
 
 from tests.gateway.networks import (
     Channel,
