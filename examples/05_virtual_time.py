@@ -1,4 +1,4 @@
-"""A day under water in a second: three real engines on the simulated sea, in virtual time.
+"""Six hours under water in some seconds: three real engines on the simulated sea.
 
 Run it: python examples/05_virtual_time.py
 """
@@ -19,7 +19,7 @@ from zacoustic.testing import (
     type_from_struct,
 )
 
-HOURS = 24
+HOURS = 6
 
 
 class Status(msgspec.Struct):
@@ -48,8 +48,8 @@ def network(seed: int) -> VirtualNetwork:
     return VirtualNetwork(Scenario(nodes=nodes), table, seed=seed)
 
 
-def day(seed: int) -> VirtualNetwork:
-    """Let both vehicles report every 20 s for a day."""
+def dive(seed: int) -> VirtualNetwork:
+    """Let both vehicles report every 20 s."""
     channel = network(seed)
     for address in (2, 3):
         status = Status(depth=12.3 * address, battery=90)
@@ -59,8 +59,8 @@ def day(seed: int) -> VirtualNetwork:
 
 
 def main() -> None:
-    """Run the same day twice, and another one."""
-    channel = day(seed=1)
+    """Run the same dive twice, and another one."""
+    channel = dive(seed=1)
     sent = sum(channel.engine(address).stats.published[10] for address in (2, 3))
     heard = channel.samples(1)
     print(
@@ -68,8 +68,8 @@ def main() -> None:
     )
     print(f"the last one: {heard[-1].value} from node {heard[-1].source}, {heard[-1].age_s} s old")
     assert 0.8 * sent < len(heard) < sent
-    assert day(seed=1).digest == channel.digest, "one seed, one trace"
-    assert day(seed=2).digest != channel.digest
+    assert dive(seed=1).digest == channel.digest, "one seed, one trace"
+    assert dive(seed=2).digest != channel.digest
 
 
 if __name__ == "__main__":

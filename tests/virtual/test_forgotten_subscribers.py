@@ -24,7 +24,6 @@ VIEW: Final = 10
 SHORE: Final = 1
 RULES: Final = TransmitRules(contact=ContactRules(announces=True))
 DAY_S: Final = 86_400.0
-MANY: Final = 20
 
 
 def table(nodes: int, *, reliable: bool = False) -> StreamTable:
@@ -155,9 +154,10 @@ def test_one_whose_journal_has_them_does_not_ask() -> None:
     assert sum(stats.frames_transmitted for stats in sea.stats_of(2)) == before
 
 
-def test_many_that_start_again_at_once_all_have_them_again() -> None:
-    sea = network(3, MANY, rules=msgspec.structs.replace(RULES, agreement=AgreementMethod.TAG))
-    others = range(2, MANY + 1)
+def test_many_that_start_again_at_once_all_have_them_again(sized: Callable[..., int]) -> None:
+    many = sized(20, share=12)
+    sea = network(3, many, rules=msgspec.structs.replace(RULES, agreement=AgreementMethod.TAG))
+    others = range(2, many + 1)
     want(sea, SHORE, *others)
     sea.at(900.0, lambda: restart(sea, *others))
     for address in others:
