@@ -271,7 +271,7 @@ class Drive:
             for ticket, given in self.oracle.given.items()
             if given.node == node
         }
-        self.oracle.killed(node, life, kept)
+        self.oracle.killed(node, life, kept, now_s=self.network.now / NS_PER_S)
         if kind == "restored":
             epoch = journal.entries.get(EPOCH_KEY)
             journal.put_back(self._copies.get(node, {}))  # unnoticed, as an image of the disk

@@ -12,7 +12,8 @@ from tests.hostile import fleet
 
 LONGEST_S: Final = {fleet.ARM: 310.0, fleet.GOTO: 820.0, 175: 310.0}
 """Time within which a call, a goal, an order has an end, s: the time-outs of `fleet`, with 10 s, or
-a tenth part, for timers of clocks that drift and for what waits for a commit."""
+a tenth part, for timers of clocks that drift and for what waits for a commit. A client that was
+killed asks for its goals again, with the whole time-out: no clock is trusted over a restart."""
 COPIED_S: Final = 35.0
 """Copies of an urgent best-effort sample go for 30 s, docs/wire.md says; and one frame is slow. On
 a route the first node tries for its lifetime, and each hop for its part of that."""
@@ -57,6 +58,8 @@ class Oracle:
         self.violations: list[str] = []
         self.given: dict[int, Given] = {}
         """By ticket."""
+        self._killed_s: dict[int, float] = {}
+        """When each node was killed last."""
         self.forgetful: set[int] = set()
         """Nodes whose journal was restored or damaged: they may do again what they did before."""
         self._addresses = addresses
@@ -131,7 +134,8 @@ class Oracle:
             return  # a crash between the event and the next one: told again, and the same
         given.ends.append(how)
         given.ended_in = life
-        took_s, most_s = now_s - given.at_s, LONGEST_S.get(given.stream_id)
+        begun_s = max(given.at_s, self._killed_s.get(node, 0.0) if kind == "goal" else 0.0)
+        took_s, most_s = now_s - begun_s, LONGEST_S.get(given.stream_id)
         if most_s is not None and took_s > most_s and node not in self.forgetful:
             self.complain(f"node {node}: {kind} {name} {how} after {took_s:.0f} of {most_s:.0f} s")
         self._count(f"{kind} {how}")
@@ -146,14 +150,18 @@ class Oracle:
         if given is not None:
             given.is_forgotten = True
 
-    def killed(self, node: int, life: int, is_journalled: "dict[int, bool]") -> None:
+    def killed(
+        self, node: int, life: int, is_journalled: "dict[int, bool]", *, now_s: float
+    ) -> None:
         """A node was killed.
 
         Args:
             node: Its address.
             life: Its life until now.
             is_journalled: Ticket → whether it was in the journal when the node was killed.
+            now_s: When.
         """
+        self._killed_s[node] = now_s
         for ticket, given in self.given.items():
             if given.node == node and given.life == life and not is_journalled.get(ticket, False):
                 given.is_forgotten = True
