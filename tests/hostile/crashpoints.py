@@ -10,6 +10,7 @@ from typing import Final
 
 import msgspec
 
+from tests.hostile import fleet
 from tests.hostile.drive import Drive
 from tests.hostile.scenario import Hostile
 from zacoustic.core.clock import NS_PER_S
@@ -20,6 +21,7 @@ from zacoustic.core.engine.events import (
     GoalFailed,
     ResponseReceived,
     ResultReceived,
+    SampleReceived,
 )
 
 REST_S: Final = 5.0
@@ -65,9 +67,9 @@ class Crashing(Drive):
             network.at(network.now / NS_PER_S + REST_S, lambda: network.start(node))
 
     def _not_told(self, node: int, event: Event) -> None:
-        """Excuse an end that the application is never told, since its node dies right before.
+        """Excuse an event that the application is never told, since its node dies right before.
 
-        The end of a journalled sample is told by a later life.
+        The journal has a journalled sample, and its end, for a later life.
         """
         life = self.network.life(node)
         match event:
@@ -75,6 +77,8 @@ class Crashing(Drive):
                 self.oracle.excuse(node, life, "call", event.call_id)
             case GoalAnswered() | GoalFailed() | ResultReceived():
                 self.oracle.excuse(node, life, "goal", event.goal)
+            case SampleReceived() if event.stream_id == fleet.LIGHT:
+                self.oracle.excuse_receiver(node, life, event.value)
             case _:
                 pass
 

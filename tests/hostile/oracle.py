@@ -150,6 +150,13 @@ class Oracle:
         if given is not None:
             given.is_forgotten = True
 
+    def excuse_receiver(self, node: int, life: int, value: Any) -> None:
+        """A node dies with a sample that its journal does not have: it may never hand that on."""
+        ticket = fleet.ticket_of(value)
+        given = None if ticket is None else self.given.get(ticket)
+        if given is not None:
+            given.handed_on.setdefault(node, []).append(life)
+
     def killed(
         self, node: int, life: int, is_journalled: "dict[int, bool]", *, now_s: float
     ) -> None:
