@@ -22,3 +22,8 @@ def test_a_crash_at_any_point_loses_nothing(seed: int) -> None:
     step = max(1, len(points) // _POINTS)
     for point in points[seed % step :: step]:
         assert crash_at(crossed(seed, is_brief=True), point.number) == [], point
+
+
+def test_a_node_that_restarts_hears_a_sealed_one_that_answers_rarely() -> None:
+    """Its marks refused the next sixteen answers, one in each quarter of an hour."""
+    assert crash_at(crossed(5, is_brief=True), 185) == []

@@ -106,7 +106,7 @@ class Inside(msgspec.Struct, frozen=True, kw_only=True):
 class _Sending:
     """Counters of one way from this node."""
 
-    __slots__ = ("counter", "generation", "long_at", "since_long")
+    __slots__ = ("counter", "generation", "is_above_mark", "long_at", "since_long")
 
     def __init__(self) -> None:
         self.counter = 0
@@ -114,6 +114,8 @@ class _Sending:
         """Generation of the last long head."""
         self.since_long = 0
         self.long_at: int | None = None
+        self.is_above_mark = False
+        """Whether the next frame is above any mark of its receiver."""
 
 
 class Seal:
@@ -152,6 +154,8 @@ class Seal:
         self._given_at: dict[Way, int] = {}
         self._safe: dict[Way, Mark] = {}
         """and those of them that it has written."""
+        self._heard_lives: dict[int, int] = {}
+        """The newest life of each node that was heard in this life of ours."""
         self._floors: dict[int, int] = {}
         """The newest start of each source."""
         self._recover(stored)
@@ -193,15 +197,30 @@ class Seal:
             if way.destination == address or (to_all and way.destination == BROADCAST):
                 sending.long_at = None
 
+    def life_began(self, address: int, life: int, now: int) -> None:
+        """Make the next frames readable for a node in a new life: it knows marks at most.
+
+        Args:
+            address: The node.
+            life: Its life.
+            now: The instant.
+        """
+        if self._heard_lives.get(address, life) != life:
+            self.pass_mark(address)
+            self.pass_mark(BROADCAST)
+        self._heard_lives[address] = life
+        self.reintroduce(address)
+
     def pass_mark(self, address: int) -> None:
         """Go on above the mark of a node that may have restarted: it refuses what is below.
 
         Args:
-            address: The node.
+            address: The node, or `BROADCAST`.
         """
         for way, sending in self._sending.items():
-            if way.destination == address and sending.long_at is not None:
+            if way.destination == address and not sending.is_above_mark:
                 sending.counter = min(sending.counter + AHEAD, LAST_COUNTER)
+                sending.is_above_mark = True
                 sending.long_at = None
 
     def needs_long(
@@ -251,6 +270,7 @@ class Seal:
         if counter > LAST_COUNTER:
             raise OverflowError(f"{counter} frames were sealed for {destination} in one life")
         sending.counter += 1
+        sending.is_above_mark = False
         generation = self._cipher.generation & 1
         head: ShortHead | LongHead = ShortHead(generation, counter % 64)
         sending.since_long += 1

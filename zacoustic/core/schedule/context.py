@@ -102,7 +102,7 @@ class NodeContext:
         """Seals and opens frames; None: they are not sealed."""
         if cipher is not None:
             self.seal = Seal(address, epoch, cipher, self.journal, stored, self._announced)
-            self.peers.restarted.connect(lambda peer, life, now: self._reintroduce(peer))
+            self.peers.restarted.connect(self.seal.life_began)
         self.alarms = SealAlarms(emit)
         """Report refused frames."""
         self.sealing = sealing
@@ -141,10 +141,6 @@ class NodeContext:
     def _announced(self, address: int) -> bytes:
         peer = self.peers.get(address)
         return peer.digest if peer is not None else b""
-
-    def _reintroduce(self, address: int) -> None:
-        assert self.seal is not None
-        self.seal.reintroduce(address)
 
 
 class Tunnel(enum.Enum):
