@@ -15,8 +15,9 @@ LONGEST_S: Final = {fleet.ARM: 310.0, fleet.GOTO: 820.0, 175: 310.0}
 a tenth part, for timers of clocks that drift and for what waits for a commit. A client that was
 killed asks for its goals again, with the whole time-out: no clock is trusted over a restart."""
 COPIED_S: Final = 35.0
-"""Copies of an urgent best-effort sample go for 30 s, docs/wire.md says; and one frame is slow. On
-a route the first node tries for its lifetime, and each hop for its part of that."""
+"""Time within which a best-effort sample may come again after a restart of its receiver, s. Copies of
+an urgent one go for 30 s, as docs/wire.md says; and one frame is slow. On a route the first node
+tries for its lifetime, and each hop for its part of that."""
 
 
 class Given(msgspec.Struct):
@@ -37,6 +38,8 @@ class Given(msgspec.Struct):
     """The life in which the last end was told."""
     handed_on: dict[int, list[int]] = {}
     """Node → the lives in which it was handed on there."""
+    first_s: float | None = None
+    """When it was handed on first, anywhere."""
 
 
 class Oracle:
@@ -113,7 +116,8 @@ class Oracle:
         is_best_effort = stream_id in fleet.BEST_EFFORT
         is_allowed = node in self.forgetful or self._strangers or (is_best_effort and self._doubles)
         is_next_life = life > max(lives, default=life)
-        is_copy = is_best_effort and now_s - given.at_s <= self._copied_s
+        given.first_s = now_s if given.first_s is None else given.first_s
+        is_copy = is_best_effort and now_s - given.first_s <= self._copied_s
         is_allowed |= is_next_life and (again or is_copy)
         if is_again and not is_allowed:
             self.complain(f"{where}: a second time, given at {given.at_s:.1f} s")

@@ -13,6 +13,7 @@ from tests.hostile.drive import Drive
     [
         21,  # a sealed receiver was restarted, and refused the rare tries of a silent fleet
         107,  # a receipt went to a publisher that was never in reach again
+        329,  # a receipt that nobody took went on after its life, for ever
         346,  # time stood still: a proof was due, and did not go
     ],
 )

@@ -548,6 +548,7 @@ class Carrying:
         is_heard = partial(self._reach.is_present, now=now)
         silence_ns = partial(self._reach.silence_ns, now=now)
         self._instants += self._offers.review(wanted, is_heard, silence_ns, self._after_ns, now)
+        self._instants += [each.ends_at for each in self._answers if each.ends_at is not None]
         for stream_id, end in ends:
             carry = self._carries[stream_id]
             self._instants += self._reach.changes_at((end, *carry.by), carry, now)
