@@ -15,8 +15,8 @@ LONGEST_S: Final = {fleet.ARM: 310.0, fleet.GOTO: 820.0, 175: 310.0}
 a tenth part, for timers of clocks that drift and for what waits for a commit. A client that was
 killed asks for its goals again, with the whole time-out: no clock is trusted over a restart."""
 COPIED_S: Final = 35.0
-"""Time within which a best-effort sample may come again after a restart of its receiver, s. Copies of
-an urgent one go for 30 s, as docs/wire.md says; and one frame is slow. On a route the first node
+"""Time within which a best-effort sample may come again after a restart of its receiver, s. Copies
+of an urgent one go for 30 s, as docs/wire.md says; and one frame is slow. On a route the first node
 tries for its lifetime, and each hop for its part of that."""
 
 
