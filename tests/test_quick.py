@@ -194,3 +194,42 @@ def test_durations_of_whole_files_are_kept(
     subprocess.run(command, cwd=tmp_path, env=env, check=True, capture_output=True)
     cached = tmp_path / quick.DURATIONS.relative_to(quick.ROOT)
     assert sorted(json.loads(cached.read_bytes()) if cached.exists() else ()) == kept
+
+
+def test_all_steps_run_though_one_fails(
+    quick: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ran: dict[str, list[str]] = {}
+
+    def step(name: str, command: list[str], *, is_quiet: bool = False) -> bool:
+        ran[name] = command
+        return name != "ruff check"
+
+    monkeypatch.setattr(quick, "step", step)
+    assert quick.run(["zacoustic/link.py"], ["tests/test_quick.py"]) == 1
+    assert {*ran} == {
+        "ruff format --check",
+        "ruff check",
+        "mypy --strict",
+        "lint-imports",
+        "pytest",
+    }
+    assert ran["pytest"][-1] == "tests/test_quick.py"
+    assert "make quick: FAILED: ruff check, " in capsys.readouterr().out
+    ran.clear()
+    quick.run(["docs/wire.md"], [])
+    assert {*ran} == {"ruff format --check", "ruff check"}
+
+
+@pytest.mark.parametrize(
+    ("name", "code", "is_ok"),
+    [("a", 0, True), ("a", 1, False), ("a", 5, False), ("pytest", 5, True)],
+)
+def test_a_quiet_step_shows_its_output_only_if_it_failed(
+    quick: ModuleType, capsys: pytest.CaptureFixture[str], name: str, code: int, is_ok: bool
+) -> None:
+    command = [sys.executable, "-c", f"print('said'); raise SystemExit({code})"]
+    assert quick.step(name, command, is_quiet=True) is is_ok
+    shown = capsys.readouterr().out
+    assert ("said" in shown) is not is_ok
+    assert f"== {name}: {'passed' if is_ok else 'FAILED'}, " in shown
