@@ -38,6 +38,14 @@ TESTS_S: Final = 40.0
 """Sum of the durations of the chosen test files, s; two at a time run."""
 UNKNOWN_S: Final = 2.0
 """Assumed duration of a test file that has not run here yet, s."""
+LONG_S: Final = 200.0
+"""The same of those in `LONG`, s."""
+LONG: Final = {
+    "tests/test_compiled.py",
+    "tests/test_examples.py",
+    "tests/test_packaging.py",
+    "tests/pages/test_pages.py",
+}
 DURATIONS: Final = ROOT / ".pytest_cache" / "v" / "zacoustic" / "durations"
 """Seconds by test file, kept by tests/durations.py."""
 ORACLE: Final = "tests/oracle/test_runs.py"
@@ -285,13 +293,18 @@ def choose(near: Iterable[Near], known: Mapping[str, float], most_s: float) -> C
     for each in near:
         if each.path == ORACLE:
             continue
-        takes_s = known.get(each.path, UNKNOWN_S)
+        takes_s = taken_s(each, known)
         if each.distance and sum_s + takes_s > most_s:
             choice.left.append(each)
         else:
             choice.run.append(each)
             sum_s += takes_s
     return choice
+
+
+def taken_s(near: Near, known: Mapping[str, float]) -> float:
+    """Return the duration of a test file, s, assumed if it has not run here."""
+    return known.get(near.path, LONG_S if near.path in LONG else UNKNOWN_S)
 
 
 def durations() -> dict[str, float]:
@@ -317,12 +330,14 @@ def tell(
     def sum_s(near: list[Near]) -> str:
         new = sum(each.path not in known for each in near)
         doubt = f", {new} of them never timed here" if new else ""
-        return f"{sum(known.get(each.path, UNKNOWN_S) for each in near):.0f} s in sum{doubt}"
+        return f"{sum(taken_s(each, known) for each in near):.0f} s in sum{doubt}"
 
     if choice.run:
         print(f"tests: {len(choice.run)} files, {sum_s(choice.run)}\n{names(choice.run)}")
     else:
-        print("tests: no test file imports or names what changed")
+        print(
+            "tests: none " + ("fits the time" if choice.left else "imports or names what changed")
+        )
     if choice.left:
         farthest = max(each.distance for each in choice.left)
         print(f"left out: {len(choice.left)} test files up to {farthest} imports away, "

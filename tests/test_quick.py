@@ -102,13 +102,15 @@ def test_nearest_tests_fill_the_time_and_a_changed_test_runs_in_any_case(
     assert paths(choice.run) == ["changed", "near", "far"]
     assert paths(choice.left) == ["long"]
     assert paths(quick.choose(near, known, 1.0).run) == ["changed"]
+    never_timed = [quick.Near(1, False, 1, "tests/test_packaging.py")]
+    assert paths(quick.choose(never_timed, {}, 60.0).left) == ["tests/test_packaging.py"]
 
 
 def test_what_is_left_out_is_said(quick: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     left = [quick.Near(3, True, 1, f"tests/test_{number}.py") for number in range(40)]
     quick.tell(quick.Choice([], left), {}, sees=False)
     said = capsys.readouterr().out
-    assert "no test file imports or names what changed" in said
+    assert "tests: none fits the time" in said
     assert "left out: 40 test files up to 3 imports away, 80 s in sum, 40 of them" in said
     assert "tests/test_0.py" in said
     assert "28 more" in said
