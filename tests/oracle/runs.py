@@ -23,7 +23,7 @@ import tests.virtual.commandscenario
 from tests.hostile import foreign
 from tests.hostile.crossing import crossed
 from tests.hostile.drive import Drive
-from tests.hostile.scenario import Hostile, hostile, small
+from tests.hostile.scenario import Hostile, hostile
 from tests.oracle import scenes
 from tests.virtual.callscenario import CallScenario
 from tests.virtual.commandscenario import CommandScenario
@@ -175,10 +175,6 @@ def _rmw_desert(seed: int, checker: Checker) -> None:
     drawn.medium.run()
 
 
-def _small(seed: int) -> Hostile:
-    return small(200 + seed)  # not the seeds of the hostile runs, of which some fill no window
-
-
 def _bond(seed: int, checker: Checker) -> None:
     dive(seed, checker.make)
 
@@ -203,7 +199,6 @@ _KINDS: Final[dict[str, tuple[int, Run]]] = {
     "rmw_desert": (16, _rmw_desert),
     "polling": (8, _polling),
     "crossed": (6, functools.partial(_drive, crossed)),
-    "small": (6, functools.partial(_drive, _small)),
     "bond": (6, _bond),
     "photos": (6, _scene(scenes.photos)),
     "mixed": (6, _scene(scenes.mixed)),
