@@ -199,6 +199,7 @@ _KINDS: Final[dict[str, tuple[int, Run]]] = {
     "rmw_desert": (16, _rmw_desert),
     "polling": (8, _polling),
     "crossed": (6, functools.partial(_drive, crossed)),
+    "reused": (6, _scene(scenes.reused)),
     "bond": (6, _bond),
     "photos": (6, _scene(scenes.photos)),
     "mixed": (6, _scene(scenes.mixed)),

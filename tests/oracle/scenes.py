@@ -56,6 +56,11 @@ def mixed(seed: int, make: Make) -> None:
     run_scenario(draw_mixed_scenario(seed), (), build=build)
 
 
+def reused(seed: int, make: Make) -> None:
+    """Every kind of stream in random waters, with small number windows; never sealed."""
+    run_scenario(draw_scenario(2000 + seed), (), build=partial(make, sizes=SMALL_SIZES))
+
+
 def sealed(seed: int, make: Make) -> None:
     """Every kind of stream in random waters, always sealed."""
     run_scenario(draw_scenario(1000 + seed), (), build=SealedFleet(make=make))
