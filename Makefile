@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo auv test test-browser screenshot soak bench shape compiled clean distclean
+.PHONY: help demo auv quick test test-browser screenshot soak bench shape compiled clean distclean
 .PHONY: release sbom bundle container hadolint frictions site docs tutorial
 .PHONY: venv-run venv-console venv-test venv-docs format lint types contracts unit examples package
 
@@ -27,6 +27,7 @@ STEP = @echo && echo "== $@:
 help:
 	@echo "make demo    show it: two local networks joined through a simulated channel; half a minute"
 	@echo "make auv     steer a vehicle through the water; ARGS=--headless: a scripted dive that checks itself"
+	@echo "make quick   after a change: lint, types, the nearest tests, a share of the oracle; a minute; BASE=REV"
 	@echo "make test    format, lint, types, import contracts, tests, examples, the built wheel"
 	@echo "make test-browser   the console of make auv in a headless Chromium, if there is one"
 	@echo "make docs    the pages of docs/ and the API reference as a site: dist/site; its snippets' types"
@@ -49,6 +50,10 @@ demo: venv-run
 
 auv: venv-console
 	@$(VENV_PYTHON) -m examples.auv $(ARGS)
+
+# Changed is what differs from where the branch left main; BASE=REV names another commit.
+quick: venv-test
+	@$(VENV_PYTHON) .ci/quick.py $(if $(BASE),--base "$(BASE)") $(ARGS)
 
 test: format lint types contracts unit
 	@echo
@@ -148,7 +153,7 @@ contracts: venv-test
 
 unit: venv-test
 	$(STEP) pytest, the two steps below included"
-	@$(PYTEST) -n $(WORKERS) --dist worksteal $(ARGS)
+	@$(PYTEST) -p tests.durations -n $(WORKERS) --dist worksteal $(ARGS)
 
 examples: venv-test
 	$(STEP) every example runs and exits 0"

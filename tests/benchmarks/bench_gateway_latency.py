@@ -41,6 +41,7 @@ LIMIT_S: Final = 30.0
 WARM_UP: Final = 50
 
 _STAMP: Final = struct.Struct("<qI")
+_STREAMS: Final = [{"id": 1, "topic": CHANNEL, "publishers": [1], "depth": 16}]
 _SCENARIO: Final = """{ profile: "ideal", channel: "none", nodes: [
   { address: 1, position: [0, 0, 10] }, { address: 2, position: [0.01, 0, 10] } ] }"""
 
@@ -94,7 +95,7 @@ def measure(samples: int, interval_s: float, link: str) -> dict[str, list[float]
         ports = [free_port(), free_port()]
         for address, port, locator in zip((1, 2), ports, locators, strict=True):
             file = folder / f"{address}.json5"
-            file.write_text(json.dumps(settings_of(address, port)), encoding="utf-8")
+            file.write_text(json.dumps(settings_of(address, port, _STREAMS)), encoding="utf-8")
             gateway = stack.enter_context(Process("gateway", file, "--link", locator, "--json"))
             gateway.wait_for("started")
         total = samples + WARM_UP
@@ -114,11 +115,15 @@ def locators_of(link: str, folder: Path, stack: contextlib.ExitStack) -> list[st
             f"udp/{own}#peers={other}&latency_s=0.01&bit_rate_bps=1000000000"
             for own, other in (ends, ends[::-1])
         ]
-    (folder / "scenario.json5").write_text(_SCENARIO, encoding="utf-8")
-    medium = stack.enter_context(
-        Process("medium", folder / "scenario.json5", "--listen", "127.0.0.1:0", "--json")
-    )
-    return [f"sim/{medium.wait_for('listening')['address']}"] * 2
+    return [open_medium(_SCENARIO, folder, stack)] * 2
+
+
+def open_medium(scenario: str, folder: Path, stack: contextlib.ExitStack) -> str:
+    """Start a medium, which runs until the end of the stack; returns its locator."""
+    file = folder / "scenario.json5"
+    file.write_text(scenario, encoding="utf-8")
+    medium = stack.enter_context(Process("medium", file, "--listen", "127.0.0.1:0", "--json"))
+    return f"sim/{medium.wait_for('listening')['address']}"
 
 
 def publish(session: zenoh.Session, total: int, interval_s: float) -> None:
@@ -187,6 +192,11 @@ class Process:
         assert self._process.stdout is not None
         self._process.stdout.close()
 
+    @property
+    def pid(self) -> int:
+        """Its number."""
+        return self._process.pid
+
     def wait_for(self, event: str) -> dict[str, Any]:
         """Return the next line with that event."""
         while line := self._lines.get(timeout=10 * LIMIT_S):
@@ -202,8 +212,8 @@ class Process:
         self._lines.put("")
 
 
-def settings_of(address: int, port: int) -> dict[str, Any]:
-    """Return the file of a gateway."""
+def settings_of(address: int, port: int, streams: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the file of one of two gateways."""
     return {
         "mode": "router",
         "listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]},
@@ -212,7 +222,7 @@ def settings_of(address: int, port: int) -> dict[str, Any]:
             "acoustic": {
                 "address": address,
                 "nodes": [{"address": 1, "name": "near"}, {"address": 2, "name": "far"}],
-                "streams": [{"id": 1, "topic": CHANNEL, "publishers": [1], "depth": 16}],
+                "streams": streams,
             }
         },
     }

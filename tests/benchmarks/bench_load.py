@@ -22,7 +22,6 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,7 +29,14 @@ import zenoh
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from tests.benchmarks.bench_gateway_latency import Process, client_config, free_port, percentile
+from tests.benchmarks.bench_gateway_latency import (
+    Process,
+    client_config,
+    free_port,
+    open_medium,
+    percentile,
+    settings_of,
+)
 
 COST_LIMIT_MS: Final = 0.03
 AGE_LIMIT_S: Final = 0.5
@@ -94,15 +100,12 @@ def measure(topics: int, rate_hz: float, seconds: float) -> dict[str, float]:
     """Run the processes once."""
     with contextlib.ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        (folder / "scenario.json5").write_text(_SCENARIO, encoding="utf-8")
-        medium = stack.enter_context(
-            Process("medium", folder / "scenario.json5", "--listen", "127.0.0.1:0", "--json")
-        )
-        locator = f"sim/{medium.wait_for('listening')['address']}"
+        locator = open_medium(_SCENARIO, folder, stack)
         ports, gateways = [free_port(), free_port()], []
         for address, port in enumerate(ports, 1):
             file = folder / f"{address}.json5"
-            file.write_text(json.dumps(settings(address, port, topics)), encoding="utf-8")
+            settings = settings_of(address, port, streams_of(topics))
+            file.write_text(json.dumps(settings), encoding="utf-8")
             gateway = stack.enter_context(Process("gateway", file, "--link", locator, "--json"))
             gateway.wait_for("started")
             gateways.append(gateway)
@@ -115,7 +118,7 @@ def measure(topics: int, rate_hz: float, seconds: float) -> dict[str, float]:
             Process(None, __file__, "--publish", ports[0], topics, rate_hz, seconds)
         )
         publisher.wait_for("begins")
-        pid = gateways[0]._process.pid
+        pid = gateways[0].pid
         before_s, before_mb = cpu_s(pid), memory_mb(pid)
         puts = publisher.wait_for("done")["puts"]
         found = {"cpu_s": cpu_s(pid) - before_s, "grown_mb": memory_mb(pid) - before_mb}
@@ -167,24 +170,12 @@ def subscribe(port: int, seconds: float) -> None:
     print(json.dumps({"event": "ages", "ages": figures}), flush=True)
 
 
-def settings(address: int, port: int, topics: int) -> dict[str, Any]:
-    """Return the file of a gateway."""
-    streams: Sequence[dict[str, Any]] = [
+def streams_of(topics: int) -> list[dict[str, Any]]:
+    """Return the streams of both gateways."""
+    return [
         {"id": 1, "topic": _URGENT, "publishers": [1], "priority": "real_time"},
         *({"id": 2 + n, "topic": f"bench/t{n}", "publishers": [1]} for n in range(topics)),
     ]
-    return {
-        "mode": "router",
-        "listen": {"endpoints": [f"tcp/127.0.0.1:{port}"]},
-        "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
-        "plugins": {
-            "acoustic": {
-                "address": address,
-                "nodes": [{"address": 1, "name": "near"}, {"address": 2, "name": "far"}],
-                "streams": streams,
-            }
-        },
-    }
 
 
 def cpu_s(pid: int) -> float:

@@ -27,6 +27,7 @@ from typing import Any, Final
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
 from tests.gateway.networks import SECTION, free_port, zenoh_settings
+from tests.processes import killed_at_end
 from tests.web.attack import Attacked, attack, fetch
 
 DESCRIPTORS: Final = 1024
@@ -45,12 +46,8 @@ async def running(*words: object) -> AsyncIterator[Process]:
         sys.executable, "-m", "zacoustic", *map(str, words), stdout=PIPE, env=environment,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (DESCRIPTORS, DESCRIPTORS)),
     )  # fmt: skip
-    try:
+    async with killed_at_end(process):
         yield process
-    finally:
-        if process.returncode is None:
-            process.kill()
-        await process.communicate()
 
 
 async def line_with(process: Process, key: str) -> str:

@@ -29,17 +29,24 @@ def network(*, adminspace: bool = True) -> Iterator[str]:
             }
         )
     )
-    ended = threading.Event()
     with zenoh.open(config) as session:
         session.declare_subscriber("auv1/orders", lambda sample: None)
         session.declare_queryable("auv1/arm", lambda query: query.reply_err("not now"))
-        thread = threading.Thread(target=publish, args=(session, ended))
-        thread.start()
-        try:
+        with published(session):
             yield endpoint
-        finally:
-            ended.set()
-            thread.join()
+
+
+@contextlib.contextmanager
+def published(session: zenoh.Session) -> Iterator[None]:
+    """Publish in a thread until the end."""
+    ended = threading.Event()
+    thread = threading.Thread(target=publish, args=(session, ended))
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
 
 
 def publish(session: zenoh.Session, ended: threading.Event) -> None:
@@ -140,18 +147,12 @@ def peers() -> Iterator[str]:
         return zenoh.Config.from_json5(json.dumps({"mode": "peer", "scouting": scouting, **more}))
 
     here = {"endpoints": ["tcp/127.0.0.1:0"]}
-    ended = threading.Event()
     with (
         zenoh.open(peer(listen={"endpoints": [endpoint]})),
         zenoh.open(peer(listen=here, connect={"endpoints": [endpoint]})) as session,
+        published(session),
     ):
-        thread = threading.Thread(target=publish, args=(session, ended))
-        thread.start()
-        try:
-            yield endpoint
-        finally:
-            ended.set()
-            thread.join()
+        yield endpoint
 
 
 def test_peers_without_a_router_are_listened_to_and_joined_as_a_peer(

@@ -1,6 +1,7 @@
 """Topics of ROS 2 across two gateways."""
 
 import time
+from collections.abc import Callable
 from contextlib import AsyncExitStack
 from typing import Any, Final
 
@@ -41,11 +42,18 @@ async def ready(node: Node, name: str, interface: str) -> None:
     await matched(node.session, str(node.key(name, interface)))
 
 
+async def joined(
+    source: Node, other: Node, name: str, interface: str
+) -> tuple[Callable[[dict[str, Any]], None], Told]:
+    """Return how one node publishes and what the other is told, once both ways are there."""
+    await ready(source, name, interface)
+    told = await heard(other, name, interface)
+    return source.publisher(name, interface), told
+
+
 @with_pair()
 async def test_a_message_crosses_as_nodes_of_ros_know_it(pair: Pair) -> None:
-    await ready(pair.shore, "/auv1/cmd_vel", TWIST)
-    told = await heard(pair.auv, "/auv1/cmd_vel", TWIST)
-    publish = pair.shore.publisher("/auv1/cmd_vel", TWIST)
+    publish, told = await joined(pair.shore, pair.auv, "/auv1/cmd_vel", TWIST)
     before_ns = time.time_ns()
     for sequence in (1, 2):
         publish(STEADY)
@@ -79,9 +87,7 @@ async def test_what_crosses_does_not_come_back(pair: Pair) -> None:
 
 @with_pair()
 async def test_a_stamp_is_rebuilt_from_the_age_by_the_clock_of_the_far_side(pair: Pair) -> None:
-    await ready(pair.auv, "/auv1/fix", FIX)
-    told = await heard(pair.shore, "/auv1/fix", FIX)
-    publish = pair.auv.publisher("/auv1/fix", FIX)
+    publish, told = await joined(pair.auv, pair.shore, "/auv1/fix", FIX)
     value = pair.auv.zero(FIX)
     value["header"]["frame_id"], value["latitude"] = "gps", 43.5
     made_ns = time.time_ns() - 20_000_000_000
@@ -99,9 +105,7 @@ async def test_a_stamp_is_rebuilt_from_the_age_by_the_clock_of_the_far_side(pair
 
 @with_pair()
 async def test_stamps_of_hours_ago_and_of_no_time_arrive_as_what_they_are(pair: Pair) -> None:
-    await ready(pair.auv, "/auv1/fix", FIX)
-    told = await heard(pair.shore, "/auv1/fix", FIX)
-    publish = pair.auv.publisher("/auv1/fix", FIX)
+    publish, told = await joined(pair.auv, pair.shore, "/auv1/fix", FIX)
     value = pair.auv.zero(FIX)
     value["header"]["frame_id"] = "gps"
     for ago_s in (600, 3700, 6 * 3600):
@@ -136,9 +140,7 @@ PICTURE: Final = "sensor_msgs/msg/CompressedImage"
     )
 )  # fmt: skip
 async def test_a_stamp_of_a_message_in_parts_is_rebuilt_as_well(pair: Pair) -> None:
-    await ready(pair.auv, "/auv1/photo", PICTURE)
-    told = await heard(pair.shore, "/auv1/photo", PICTURE)
-    publish = pair.auv.publisher("/auv1/photo", PICTURE)
+    publish, told = await joined(pair.auv, pair.shore, "/auv1/photo", PICTURE)
     value = pair.auv.zero(PICTURE)
     value["data"] = bytes(range(256)) * 8
     made_s = int(time.time()) - 40
@@ -186,9 +188,7 @@ async def test_the_stamps_of_transforms_are_rebuilt_by_the_clock_beyond(pair: Pa
 
 @with_pair()
 async def test_a_constant_that_differs_is_counted_and_stays(pair: Pair) -> None:
-    await ready(pair.auv, "/auv1/fix", FIX)
-    told = await heard(pair.shore, "/auv1/fix", FIX)
-    publish = pair.auv.publisher("/auv1/fix", FIX)
+    publish, told = await joined(pair.auv, pair.shore, "/auv1/fix", FIX)
     value = pair.auv.zero(FIX)
     publish(value | {"header": value["header"] | {"frame_id": "imu"}})
     publish(value | {"header": value["header"] | {"frame_id": "gps"}, "altitude": 1.0})

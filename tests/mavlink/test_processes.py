@@ -29,6 +29,7 @@ from tests.gateway.networks import (
 )
 from tests.gateway.test_command import notice, running
 from tests.mavlink.messages import GROUND, STATION, VEHICLE, command_int, command_long
+from tests.processes import killed_at_end
 from zacoustic.app.cli import main as command_line
 from zacoustic.core.values.encoding import CBOR
 from zacoustic.mavlink.dialect import Message, PacketCodec
@@ -109,12 +110,8 @@ async def autopilot(port: int) -> AsyncIterator[AutopilotProcess]:
     process = await asyncio.create_subprocess_exec(
         sys.executable, str(AUTOPILOT), str(port), stdin=PIPE, stdout=PIPE
     )
-    try:
+    async with killed_at_end(process):
         yield AutopilotProcess(process)
-    finally:
-        if process.returncode is None:
-            process.kill()
-        await process.communicate()
 
 
 async def events(process: Process, count: int) -> list[str]:

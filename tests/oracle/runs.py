@@ -1,9 +1,10 @@
-"""Three hundred runs of whole fleets, each told in a few lines of digest: the oracle of a rebuild.
+"""350 runs of whole fleets, each told in a few lines of digest: the oracle of a rebuild.
 
 A rebuild of the engine may not change a byte of what it transmits, nor an instant. A run is drawn
-from its seed; its marks are digests of all frames of all nodes so far (instant, node, destination,
-bytes), one every `FRAMES_PER_MARK` frames and one at the end. So the first mark that differs tells
-where a run has left its way. Names of code, events and journal entries are not part of them.
+from its seed; its marks are digests of all frames of all nodes so far (instant, node, link if it
+has several, destination, bytes), one every `FRAMES_PER_MARK` frames and one at the end. So the
+first mark that differs tells where a run has left its way. Events are counted. Names of code,
+events and journal entries are not part of the marks.
 """
 
 import contextlib
@@ -20,17 +21,21 @@ import pytest
 import tests.hostile.drive
 import tests.virtual.commandscenario
 from tests.hostile import foreign
+from tests.hostile.crossing import crossed
 from tests.hostile.drive import Drive
-from tests.hostile.scenario import hostile
+from tests.hostile.scenario import Hostile, hostile
+from tests.oracle import scenes
 from tests.virtual.callscenario import CallScenario
 from tests.virtual.commandscenario import CommandScenario
 from tests.virtual.goalscenario import GoalScenario
 from tests.virtual.settling import Settling
 from tests.virtual.stopping import Pressing, stop_took_s
+from tests.virtual.test_bonds import dive
 from tests.virtual.test_polling import NODES as POLLED
 from tests.virtual.test_polling import network as polling
 from tests.virtual.test_rmw_desert import WHOLE, DesertScenario
 from tests.virtual.test_tdma import Fleet
+from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.tap import EngineCall, Tap
 from zacoustic.core.linktypes import Transmission
@@ -95,7 +100,8 @@ class Checker:
             self._events += 1
 
     def _note(self, life: str, now: int, sent: Transmission) -> None:
-        line = f"{now} {life} → {sent.destination} {sent.frame_bytes.hex()}\n"
+        link = "" if sent.link == ONE_LINK else f"{sent.link} "
+        line = f"{now} {life} → {link}{sent.destination} {sent.frame_bytes.hex()}\n"
         self._hash.update(line.encode())
         self._frames += 1
         if self._output is not None:
@@ -114,11 +120,11 @@ def _scenario(seed: int, checker: Checker) -> None:
     run_scenario(draw_scenario(seed), (), build=checker.make)
 
 
-def _hostile(seed: int, checker: Checker) -> None:
+def _drive(draw: Callable[[int], Hostile], seed: int, checker: Checker) -> None:
     # What foreign fleets say is part of the run, whatever ran before in this process.
     foreign.frames.cache_clear()
     foreign.subscribe_requests.cache_clear()
-    Drive(hostile(seed)).run()
+    Drive(draw(seed)).run()
 
 
 def _call(seed: int, checker: Checker) -> None:
@@ -169,8 +175,20 @@ def _rmw_desert(seed: int, checker: Checker) -> None:
     drawn.medium.run()
 
 
+def _bond(seed: int, checker: Checker) -> None:
+    dive(seed, checker.make)
+
+
+def _babbler(seed: int, checker: Checker) -> None:
+    scenes.babbler(seed)
+
+
+def _scene(scene: Callable[[int, scenes.Make], None]) -> Run:
+    return lambda seed, checker: scene(seed, checker.make)
+
+
 _KINDS: Final[dict[str, tuple[int, Run]]] = {
-    "hostile": (96, _hostile),
+    "hostile": (96, functools.partial(_drive, hostile)),
     "story": (60, _scenario),
     "call": (24, _call),
     "goal": (24, _goal),
@@ -180,12 +198,24 @@ _KINDS: Final[dict[str, tuple[int, Run]]] = {
     "tdma": (16, _tdma),
     "rmw_desert": (16, _rmw_desert),
     "polling": (8, _polling),
+    "crossed": (6, functools.partial(_drive, crossed)),
+    "reused": (6, _scene(scenes.reused)),
+    "bond": (6, _bond),
+    "photos": (6, _scene(scenes.photos)),
+    "mixed": (6, _scene(scenes.mixed)),
+    "sealed": (6, _scene(scenes.sealed)),
+    "route": (4, _scene(scenes.route)),
+    "flood": (4, _scene(scenes.flood)),
+    "carried": (6, _scene(scenes.carried)),
+    "babbler": (6, _babbler),
 }
 
 NAMES: Final = tuple(
     f"{kind} {seed}" for kind, (count, _) in _KINDS.items() for seed in range(count)
 )
 """Of all runs: kind and seed."""
+ONE_OF_EACH: Final = tuple(f"{kind} 1" for kind in _KINDS)
+"""What `make test` runs of them; by an odd seed the scenes are sealed."""
 
 
 def run(name: str, output: TextIO | None = None) -> Marks:

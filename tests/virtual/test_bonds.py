@@ -89,8 +89,13 @@ def test_all_is_delivered_once_in_order_whenever_the_vehicle_dives(
         dive(seed)
 
 
-def dive(seed: int) -> None:
-    """Use every kind of stream while the vehicle surfaces, and either node restarts."""
+def dive(seed: int, make: Callable[..., Engine] = Engine) -> None:
+    """Use every kind of stream while the vehicle surfaces, and either node restarts.
+
+    Args:
+        seed: Everything follows from it; an odd one is sealed.
+        make: Makes the engines.
+    """
     rng = random.Random(seed)
     trial = Surfacing(
         seed,
@@ -98,7 +103,7 @@ def dive(seed: int) -> None:
         radio_loss=rng.choice((0.0, 0.0, 0.2)),
         hears_above=rng.random() < 0.5,
         copies=rng.choice(((), (0.3,), (2.0, 20.0))),
-        build=SealedFleet() if seed % 2 else Engine,
+        build=SealedFleet(make=make) if seed % 2 else make,
     )
     for number in range(40):
         trial.publish_at(rng.uniform(10.0, 3000.0), LOG, b"l%d" % number)

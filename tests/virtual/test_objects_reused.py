@@ -2,6 +2,7 @@
 
 import random
 from collections import Counter
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -29,9 +30,10 @@ class Photos:
 
     Args:
         sizes: Sizes of the engines' number windows.
+        make: Makes the engines.
     """
 
-    def __init__(self, sizes: Sizes = SIZES) -> None:
+    def __init__(self, sizes: Sizes = SIZES, *, make: Callable[..., Engine] = Engine) -> None:
         self.loses = 0
         """How many of the next frames to the shore are lost."""
         qos = Qos(reliability=Reliability.RELIABLE, priority=Priority.BACKGROUND, depth=100)
@@ -49,7 +51,7 @@ class Photos:
             trace=lambda each: self.frames.update([each.node] if each.what == "transmit" else []),
             digest=False,
             disturb=self._disturb,
-            build=partial(Engine, sizes=sizes),
+            build=partial(make, sizes=sizes),
         )
         self._rng = random.Random(3)
         self.given: list[bytes] = []

@@ -13,6 +13,8 @@ from typing import Final
 
 import msgspec
 
+from tests.processes import killed_at_end
+
 ROOT: Final = Path(__file__).parents[2]
 
 
@@ -42,12 +44,8 @@ async def attackers(port: int, kind: str, count: int) -> AsyncIterator[Process]:
         sys.executable, "-m", "tests.web.hostile", str(port), kind, str(count),
         stdin=PIPE, stdout=PIPE, cwd=ROOT,
     )  # fmt: skip
-    try:
+    async with killed_at_end(process):
         yield process
-    finally:
-        if process.returncode is None:
-            process.kill()
-        await process.communicate()
 
 
 async def attack(process_id: int, url: str, kind: str, count: int, *, seconds: float) -> Attacked:
