@@ -15,8 +15,6 @@ from zacoustic.run.inbox import WakeUp
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.pending import CallEnd, Pending
-from zacoustic.zenoh.gateway.commands.handlers import Handlers
-from zacoustic.zenoh.gateway.commands.keydelivery import KeyHandler
 from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
 from zacoustic.zenoh.gateway.commands.pings import PingHandler
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
@@ -30,6 +28,7 @@ from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.network.routes import Routes
 from zacoustic.zenoh.gateway.notices import Notify
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.gateway.requests import RequestHandler
 from zacoustic.zenoh.gateway.session import GatewaySession
 from zacoustic.zenoh.gateway.status.channel import FrameLog
 from zacoustic.zenoh.gateway.status.dates import Dates
@@ -50,6 +49,7 @@ from zacoustic.zenoh.gateway.streams.kept import KeptSamples
 from zacoustic.zenoh.gateway.streams.matching import MatchingSubscribers
 from zacoustic.zenoh.gateway.streams.services import Services
 from zacoustic.zenoh.gateway.streams.topics import Topics
+from zacoustic.zenoh.requests.desk import Desk
 from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
 
@@ -105,6 +105,7 @@ class Composition:
         self._frames = FrameLog(parts.table, lambda: self._runner.engine, unix_s=self._dates.unix_s)
         # A gateway that must act when it hears nobody cannot do that while it is not running.
         self._runner = node.make_runner(self._trace, waits_for_link=bool(self._lost_contact))
+        self._desk = Desk(self._runner, self._ends, clock=self._clock, utc_ns=self._wall_clock)
         self._dialects = make_dialects(zenoh_session, self._input_errors, self._wake_up.ring)
         self._queries = QueryHandler(
             zenoh_session.worker, self._wake_up.ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT
@@ -142,17 +143,25 @@ class Composition:
             tell=self._announcer.tell,
         )
         status = self._status(streams, routes, objects, lost_contact)
-        handlers = self._handlers(objects, status.health)
-        notices = EventNotices(self._table, self._runner, handlers.commands)
+        commands = CommandHandler(
+            self._table,
+            self._runner,
+            self._redundant,
+            self._ends,
+            clock=self._clock,
+            wall_clock=self._wall_clock,
+        )
+        pings = PingHandler(self._runner, self._redundant, self._ends, clock=self._clock)
+        notices = EventNotices(self._table, self._runner, commands)
         return GatewaySession(
             self._node,
             self._runner,
             network,
             streams=streams,
-            handlers=handlers,
+            requests=self._requests(objects, commands, pings, status.health),
             status=status,
             dispatcher=EventDispatcher(
-                streams, handlers, self._ends, network, status, notices, lost_contact
+                streams, pings, objects, self._ends, network, status, notices, lost_contact
             ),
             lost_contact=lost_contact,
         )
@@ -193,19 +202,22 @@ class Composition:
         )
         return StreamHandlers(topics, services, actions, matching)
 
-    def _handlers(self, objects: ObjectHandler, health: Health) -> Handlers:
-        commands = CommandHandler(
-            self._table,
-            self._runner,
-            self._redundant,
-            self._ends,
-            clock=self._clock,
-            wall_clock=self._wall_clock,
-        )
-        pings = PingHandler(self._runner, self._redundant, self._ends, clock=self._clock)
-        keys = KeyHandler(self._runner, self._redundant, self._ends)
+    def _requests(
+        self,
+        objects: ObjectHandler,
+        commands: CommandHandler,
+        pings: PingHandler,
+        health: Health,
+    ) -> RequestHandler:
         routing = RoutingHandler(self._runner, self._redundant, self._ends)
-        return Handlers(objects, commands, pings, keys, routing, health)
+        others = (
+            (objects.key, objects.serve, True),
+            *((key, commands.serve, True) for key in commands.own_keys),
+            *((key, commands.serve_beyond, False) for key in commands.keys_beyond),
+            (pings.key, pings.serve, False),
+            (routing.key, routing.serve, False),
+        )
+        return RequestHandler(self._desk, self._redundant, health, others)
 
     def _status(
         self,

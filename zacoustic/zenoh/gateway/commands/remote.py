@@ -139,7 +139,7 @@ class CommandHandler:
         """Return whether this one of the local gateways asks a remote node."""
         if node is None or node in self._redundant.alive:
             return False
-        return self._redundant.asks(node, self._table.nodes)
+        return self._redundant.asks(node)
 
     def _answered(self, held: HeldQuery, node: int, command: RemoteCommand, end: CallEnd) -> None:
         if isinstance(end, CallFailed):

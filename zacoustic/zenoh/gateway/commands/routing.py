@@ -65,9 +65,7 @@ class RoutingHandler:
 
     def _is_ours(self, node: int) -> bool:
         """Return whether this one of the local gateways executes or sends it."""
-        if node in self._redundant.alive:
-            return node == self._redundant.address
-        return self._redundant.asks(node, self._runner.engine.table.nodes)
+        return self._redundant.asks(node)
 
     def _begin(self, held: HeldQuery, asked: RoutingAsked, engine: Engine, now: int) -> None:
         if asked.node == engine.address:

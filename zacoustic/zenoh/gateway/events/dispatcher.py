@@ -28,7 +28,8 @@ from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.run.dispatching import Dispatcher
 from zacoustic.run.pending import CallEnd, Pending
-from zacoustic.zenoh.gateway.commands.handlers import Handlers
+from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
+from zacoustic.zenoh.gateway.commands.pings import PingHandler
 from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
@@ -52,7 +53,8 @@ class EventDispatcher(Dispatcher):
 
     Args:
         streams: Take samples, received calls and goals.
-        handlers: Take ranges, and progress of objects.
+        pings: Take ranges.
+        objects: Take progress of objects.
         ends: Wait for the ends of sent calls and commands.
         network: Sees engines restart, and peers go and come.
         status: Records the rest, and emits notices.
@@ -63,7 +65,8 @@ class EventDispatcher(Dispatcher):
     def __init__(
         self,
         streams: StreamHandlers,
-        handlers: Handlers,
+        pings: PingHandler,
+        objects: ObjectHandler,
         ends: Pending[CallEnd],
         network: LocalNetwork,
         status: Status,
@@ -71,7 +74,7 @@ class EventDispatcher(Dispatcher):
         lost_contact: LostContactActions,
     ) -> None:
         self._ends = ends
-        self._pings = handlers.pings
+        self._pings = pings
         self._status = status
         self._notices = notices
         super().__init__(
@@ -83,10 +86,10 @@ class EventDispatcher(Dispatcher):
                 RequestReceived: (streams.services.serve,),
                 ResponseReceived: (self._answer,),
                 CallFailed: (self._answer,),
-                RangeMeasured: (handlers.pings.ranged,),
+                RangeMeasured: (pings.ranged,),
                 RangeFailed: (self._fail_range,),
                 DeliveryEnded: (status.note_delivery,),
-                ObjectProgress: (handlers.objects.note,),
+                ObjectProgress: (objects.note,),
                 StreamsDiffer: (status.note_difference, self._tell),
                 PeerSeen: (status.note_peer, self._tell),
                 PeerLost: (self._tell, network.note_peer),
