@@ -16,9 +16,7 @@ from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
-from zacoustic.zenoh.gateway.commands.pings import PingHandler
 from zacoustic.zenoh.gateway.commands.remote import CommandHandler
-from zacoustic.zenoh.gateway.commands.routing import RoutingHandler
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
@@ -151,17 +149,16 @@ class Composition:
             clock=self._clock,
             wall_clock=self._wall_clock,
         )
-        pings = PingHandler(self._runner, self._redundant, self._ends, clock=self._clock)
         notices = EventNotices(self._table, self._runner, commands)
         return GatewaySession(
             self._node,
             self._runner,
             network,
             streams=streams,
-            requests=self._requests(objects, commands, pings, status.health),
+            requests=self._requests(objects, commands, status.health),
             status=status,
             dispatcher=EventDispatcher(
-                streams, pings, objects, self._ends, network, status, notices, lost_contact
+                streams, self._desk, objects, network, status, notices, lost_contact
             ),
             lost_contact=lost_contact,
         )
@@ -206,16 +203,12 @@ class Composition:
         self,
         objects: ObjectHandler,
         commands: CommandHandler,
-        pings: PingHandler,
         health: Health,
     ) -> RequestHandler:
-        routing = RoutingHandler(self._runner, self._redundant, self._ends)
         others = (
             (objects.key, objects.serve, True),
             *((key, commands.serve, True) for key in commands.own_keys),
             *((key, commands.serve_beyond, False) for key in commands.keys_beyond),
-            (pings.key, pings.serve, False),
-            (routing.key, routing.serve, False),
         )
         return RequestHandler(self._desk, self._redundant, health, others)
 

@@ -43,10 +43,10 @@ from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
 from zacoustic.zenoh.node.onzenoh.queries import ServiceHandler
 from zacoustic.zenoh.node.onzenoh.session import session_config, zenoh_errors
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
+from zacoustic.zenoh.requests.routing import RoutingReport
 from zacoustic.zenoh.session.asking.allreplies import ask_all
 from zacoustic.zenoh.session.asking.commands import read_state, selector
 from zacoustic.zenoh.session.asking.question import Question
-from zacoustic.zenoh.session.asking.routing import RoutingReport
 from zacoustic.zenoh.session.latching import LatchedPublisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, ZenohSession, zenoh_priority
@@ -163,7 +163,7 @@ class ZenohCarrier:
         raise call_error("the command", failure, text)
 
     async def routing(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
-        """Refuse: programs on Zenoh query the key of `zacoustic.zenoh.session.asking.routing`."""
+        """Refuse: programs on Zenoh query the key of `zacoustic.zenoh.requests.routing`."""
         raise DeliveryError(
             f"commands about routes to node {node}: the gateway gives them",
             hint=f"get @acoustic/{node}/routing?do=heard;run=7, or use zacoustic route",
