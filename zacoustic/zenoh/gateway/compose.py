@@ -15,8 +15,6 @@ from zacoustic.run.inbox import WakeUp
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.pending import CallEnd, Pending
-from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
-from zacoustic.zenoh.gateway.commands.remote import CommandHandler
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
@@ -32,6 +30,7 @@ from zacoustic.zenoh.gateway.status.channel import FrameLog
 from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.gateway.status.documents.dropped import Dropped
 from zacoustic.zenoh.gateway.status.documents.link import LinkStatus
+from zacoustic.zenoh.gateway.status.documents.objects import Objects
 from zacoustic.zenoh.gateway.status.documents.peers import PeerTable
 from zacoustic.zenoh.gateway.status.documents.streams import StreamStatus
 from zacoustic.zenoh.gateway.status.framefeed import FrameFeed
@@ -130,7 +129,7 @@ class Composition:
             queries=self._queries,
             tell=self._announcer.tell,
         )
-        objects = ObjectHandler(self._table, self._runner)
+        objects = Objects(self._table)
         lost_contact = LostContactActions(
             self._redundant.address,
             self._lost_contact,
@@ -141,21 +140,13 @@ class Composition:
             tell=self._announcer.tell,
         )
         status = self._status(streams, routes, objects, lost_contact)
-        commands = CommandHandler(
-            self._table,
-            self._runner,
-            self._redundant,
-            self._ends,
-            clock=self._clock,
-            wall_clock=self._wall_clock,
-        )
-        notices = EventNotices(self._table, self._runner, commands)
+        notices = EventNotices(self._table, self._desk)
         return GatewaySession(
             self._node,
             self._runner,
             network,
             streams=streams,
-            requests=self._requests(objects, commands, status.health),
+            requests=RequestHandler(self._desk, self._redundant, status.health),
             status=status,
             dispatcher=EventDispatcher(
                 streams, self._desk, objects, network, status, notices, lost_contact
@@ -199,24 +190,11 @@ class Composition:
         )
         return StreamHandlers(topics, services, actions, matching)
 
-    def _requests(
-        self,
-        objects: ObjectHandler,
-        commands: CommandHandler,
-        health: Health,
-    ) -> RequestHandler:
-        others = (
-            (objects.key, objects.serve, True),
-            *((key, commands.serve, True) for key in commands.own_keys),
-            *((key, commands.serve_beyond, False) for key in commands.keys_beyond),
-        )
-        return RequestHandler(self._desk, self._redundant, health, others)
-
     def _status(
         self,
         streams: StreamHandlers,
         routes: Routes,
-        objects: ObjectHandler,
+        objects: Objects,
         lost_contact: LostContactActions,
     ) -> Status:
         runner, dates = self._runner, self._dates

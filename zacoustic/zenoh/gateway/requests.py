@@ -12,7 +12,7 @@ from zacoustic.zenoh.gateway.status.health import Health
 from zacoustic.zenoh.requests.desk import Asking, Desk
 from zacoustic.zenoh.requests.request import Request
 from zacoustic.zenoh.requests.table import REQUESTS
-from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler, Serve
+from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
 
 
@@ -25,14 +25,7 @@ class RequestHandler:
         health: Answers with the current state.
     """
 
-    def __init__(
-        self,
-        desk: Desk,
-        redundant: RedundantGateways,
-        health: Health,
-        others: tuple[tuple[str, Serve, bool], ...],
-    ) -> None:
-        self._others = others
+    def __init__(self, desk: Desk, redundant: RedundantGateways, health: Health) -> None:
         self.desk = desk
         self._redundant = redundant
         self._health = health
@@ -40,7 +33,7 @@ class RequestHandler:
 
     def declare(self, zenoh_session: ZenohSession, queries: QueryHandler) -> None:
         """Declare the queryables; in the worker."""
-        places = [*self._others, (self._health.expression, self._health.answer, True)]
+        places = [(self._health.expression, self._health.answer, True)]
         # Not complete: for a local node only that node's gateway answers.
         places += [(each.expression, partial(self._serve, each), False) for each in REQUESTS]
         for expression, serve, is_complete in places:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 import msgspec
 
 from zacoustic.core.base.clock import Clock
-from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.run.pending import CallEnd, Pending
-from zacoustic.run.runner import LinkRunner
 
-if TYPE_CHECKING:  # a node on a link reads answers, and has no Zenoh
+if TYPE_CHECKING:  # who asks needs no engine, and a node on a link no Zenoh
+    from zacoustic.core.engine.engine import Engine
+    from zacoustic.run.runner import LinkRunner
     from zacoustic.zenoh.session.asking.queries import HeldQuery
 
 Q = TypeVar("Q")
@@ -31,7 +31,7 @@ class Desk:
 
     def __init__(
         self,
-        runner: LinkRunner,
+        runner: "LinkRunner",
         ends: Pending[CallEnd],
         *,
         clock: Clock,
@@ -44,7 +44,7 @@ class Desk:
         self.utc_ns = utc_ns
 
     @property
-    def engine(self) -> Engine:
+    def engine(self) -> "Engine":
         """The engine; after a fault it is another one."""
         return self.runner.engine
 

@@ -4,17 +4,19 @@ The local gateway sends node 3 the key for the broadcasts of node 5
 (`zacoustic.core.transport.keydelivery`). No key is in query or answer.
 """
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 
 from zacoustic.core.base.clock import ns_to_seconds
-from zacoustic.core.engine.engine import Engine
 from zacoustic.core.streams.keydelivery import KEYS_TIMEOUT_S, WRAPPED_BYTES
 from zacoustic.core.wire.seal import LONG_HEAD_BYTES, STRONG_TAG_BYTES
 from zacoustic.text.digits import whole_number
 from zacoustic.zenoh.requests.desk import Asking
 from zacoustic.zenoh.requests.request import Parameter, Request
+
+if TYPE_CHECKING:
+    from zacoustic.core.engine.engine import Engine
 
 _FRAME_BYTES: Final = 5 + WRAPPED_BYTES + LONG_HEAD_BYTES + STRONG_TAG_BYTES
 """Bytes of a frame with a key: 5 are stream id, server, call, source, and end of the record."""
@@ -47,7 +49,7 @@ class KeyAnswer(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-def _send(asking: Asking[KeyAsked, KeyAnswer], engine: Engine, now: int) -> None:
+def _send(asking: Asking[KeyAsked, KeyAnswer], engine: "Engine", now: int) -> None:
     node, source = asking.node, asking.question.source
     call_id = engine.keys.send(node, source, now, timeout_s=asking.within_s)
     capabilities = engine.capabilities

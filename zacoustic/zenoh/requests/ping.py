@@ -10,13 +10,12 @@ journal, clock and medium access.
 """
 
 from functools import partial
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import msgspec
 
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.linktypes import LinkMetrics, LinkState
-from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CallFailed, CallFailure, ResponseReceived
 from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.streams.commands import COMMANDS_TIMEOUT_S, RemoteCommand
@@ -25,6 +24,9 @@ from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic.run.pending import CallEnd
 from zacoustic.zenoh.requests.desk import Asking
 from zacoustic.zenoh.requests.request import FLAG, Request
+
+if TYPE_CHECKING:
+    from zacoustic.core.engine.engine import Engine
 
 LINK_DOWN: Final = "the link is down"
 """Within the text of an error: nothing could be sent when the time was over."""
@@ -126,7 +128,7 @@ class _Ping:
         self._status_age_s: float | None = None
         self._answered_at = 0
 
-    def begin(self, engine: Engine, now: int) -> None:
+    def begin(self, engine: "Engine", now: int) -> None:
         """Ask the node; if this wire has no such query, ask for the range only."""
         node, within_s = self._node, self._asking.within_s
         try:
@@ -168,7 +170,7 @@ class _Ping:
             return ""
         return ", ".join([LINK_DOWN, *(side.detail for side in sides if side.detail)])
 
-    def _range(self, within_s: float, engine: Engine, now: int) -> bool:
+    def _range(self, within_s: float, engine: "Engine", now: int) -> bool:
         """Ask for the range; False: it cannot be measured."""
         try:
             range_id = engine.ranging.request(self._node, now, timeout_s=within_s)
@@ -226,7 +228,7 @@ class _Ping:
         )
 
 
-def _begin(asking: Asking[PingAsked, PingAnswer], engine: Engine, now: int) -> None:
+def _begin(asking: Asking[PingAsked, PingAnswer], engine: "Engine", now: int) -> None:
     _Ping(asking, now).begin(engine, now)
 
 

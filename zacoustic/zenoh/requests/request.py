@@ -12,13 +12,15 @@ A file of this package has all of one request: parameters, answer, engine call, 
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 
 import msgspec
 
-from zacoustic.core.engine.engine import Engine
 from zacoustic.text.digits import real_number, whole_number
 from zacoustic.zenoh.requests.desk import Asking
+
+if TYPE_CHECKING:
+    from zacoustic.core.engine.engine import Engine
 
 Q = TypeVar("Q")
 A = TypeVar("A", bound=msgspec.Struct)
@@ -75,7 +77,7 @@ class Request(msgspec.Struct, Generic[Q, A], frozen=True, kw_only=True):
     """Returns the same of a question: numbers of the key and parameters; None is left out."""
     answer: type[A]
     """Type of the answer, sent as JSON."""
-    begin: Callable[[Asking[Q, A], Engine, int], None]
+    begin: "Callable[[Asking[Q, A], Engine, int], None]"
     """Calls the engine, now; the answer may come later. Raises `LocalError` or `ValueError`."""
     within_s: float = 0.0
     """Default time limit of an answer, s."""
@@ -103,6 +105,10 @@ class Request(msgspec.Struct, Generic[Q, A], frozen=True, kw_only=True):
         subject = _FIELD.sub(lambda name: str(told.pop(name[1])), self.subject)
         words = [f"{name}={_text(value)}" for name, value in told.items() if value is not None]
         return f"{PREFIX}/{ANY_NODE if node is None else node}/{subject}", ";".join(words)
+
+    def decode(self, payload: bytes) -> A:
+        """Read an answer."""
+        return msgspec.json.decode(payload, type=self.answer)
 
     def target(
         self, key: str, parameters: Iterable[str]

@@ -4,16 +4,18 @@ The local gateway asks node 3, over node 2 (`zacoustic.core.transport.routing`).
 gateway answers itself.
 """
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
 from zacoustic.core.base.clock import ns_to_seconds
-from zacoustic.core.engine.engine import Engine
 from zacoustic.core.streams.routing import ROUTING_TIMEOUT_S
 from zacoustic.core.wire.routing import RoutingAnswer, RoutingKind, RoutingRequest
 from zacoustic.zenoh.requests.desk import Asking
 from zacoustic.zenoh.requests.request import NUMBER, Parameter, Request, one_of
+
+if TYPE_CHECKING:
+    from zacoustic.core.engine.engine import Engine
 
 _USED: Final = {
     RoutingKind.ASK: ("route",),
@@ -47,14 +49,14 @@ class RoutingReport(msgspec.Struct, frozen=True, kw_only=True):
     """Number of probes that were heard, by source."""
 
     @classmethod
-    def of(cls, engine: Engine, node: int, answer: RoutingAnswer) -> "RoutingReport":
+    def of(cls, engine: "Engine", node: int, answer: RoutingAnswer) -> "RoutingReport":
         """Return the report of a node's answer to this engine."""
         sent_s = round(ns_to_seconds(engine.stats.airtime_ns), 3)
         fields = msgspec.structs.asdict(answer)
         return cls(address=node, by=engine.address, sent_s=sent_s, **fields)
 
 
-def _begin(asking: Asking[RoutingRequest, RoutingReport], engine: Engine, now: int) -> None:
+def _begin(asking: Asking[RoutingRequest, RoutingReport], engine: "Engine", now: int) -> None:
     request, node = asking.question, asking.node
 
     def report(answer: RoutingAnswer) -> RoutingReport:

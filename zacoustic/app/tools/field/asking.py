@@ -1,6 +1,5 @@
 """Requests to the gateways of a local network, and their answers."""
 
-import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Sequence
 from typing import TypeVar
@@ -8,14 +7,11 @@ from typing import TypeVar
 import msgspec
 
 from zacoustic.config import Config
-from zacoustic.core.base.qos import Priority
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
-from zacoustic.run.inbox import tell_loop
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.requests.request import Request
 from zacoustic.zenoh.session.asking.allreplies import ask_all
-from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.session import ZenohSession
 
 Q = TypeVar("Q")
@@ -64,8 +60,8 @@ class Gateways:
             is_first_enough=node is not None,
         )
         if not found.answers:
-            raise no_answer(node, next(iter(found.failures), None))
-        return [msgspec.json.decode(payload, type=request.answer) for _, payload in found.answers]
+            raise _no_answer(node, next(iter(found.failures), None))
+        return [request.decode(payload) for _, payload in found.answers]
 
 
 @contextlib.asynccontextmanager
@@ -88,7 +84,7 @@ async def local_gateways(
         await zenoh_session.close()
 
 
-def no_answer(
+def _no_answer(
     node: int | None, failure: tuple[CallFailure, str] | None
 ) -> DeliveryError | ServiceError:
     """Return the error for a request without an answer.
@@ -108,44 +104,3 @@ def no_answer(
     if kind is CallFailure.HANDLER:
         return ServiceError(f"refused by node {node}: {text}")
     return DeliveryError(text)
-
-
-# Zenoh's own limit is above the gateway's, whose answer is more precise.
-_BEHIND_S = 2.0
-
-
-async def ask_gateway(
-    zenoh_session: ZenohSession, key: str, parameters: str, *, node: int, timeout_s: float
-) -> bytes:
-    """Query the local gateways; return what the responsible one answers.
-
-    Args:
-        zenoh_session: A session on their network.
-        key: The key of the query.
-        parameters: Its parameters.
-        node: The node in it, for errors.
-        timeout_s: How long the gateway tries, s.
-
-    Raises:
-        CallTimeoutError: No answer in time.
-        ServiceError: The node refuses, with a reason.
-        DeliveryError: The node cannot be asked.
-    """
-    loop = asyncio.get_running_loop()
-    ended = asyncio.Event()
-    question = Question(key, lambda _: tell_loop(loop, ended.set))
-
-    def ask() -> None:
-        question.ask(
-            zenoh_session,
-            None,
-            parameters=parameters,
-            priority=Priority.DATA,
-            timeout_s=timeout_s + _BEHIND_S,
-        )
-
-    await zenoh_session.worker.run(ask)
-    await ended.wait()
-    if question.good is not None:
-        return question.good[0]
-    raise no_answer(node, question.error)

@@ -28,10 +28,10 @@ from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.run.dispatching import Dispatcher
 from zacoustic.run.pending import CallEnd
-from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
 from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
+from zacoustic.zenoh.gateway.status.documents.objects import Objects
 from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 from zacoustic.zenoh.requests.desk import Desk
@@ -65,7 +65,7 @@ class EventDispatcher(Dispatcher):
         self,
         streams: StreamHandlers,
         desk: Desk,
-        objects: ObjectHandler,
+        objects: Objects,
         network: LocalNetwork,
         status: Status,
         notices: EventNotices,

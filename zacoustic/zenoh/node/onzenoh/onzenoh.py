@@ -43,9 +43,9 @@ from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
 from zacoustic.zenoh.node.onzenoh.queries import ServiceHandler
 from zacoustic.zenoh.node.onzenoh.session import session_config, zenoh_errors
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
+from zacoustic.zenoh.requests.commands import row_of
 from zacoustic.zenoh.requests.routing import RoutingReport
 from zacoustic.zenoh.session.asking.allreplies import ask_all
-from zacoustic.zenoh.session.asking.commands import read_state, selector
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.latching import LatchedPublisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
@@ -151,11 +151,15 @@ class ZenohCarrier:
 
     async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
         """Ask the local gateways, which execute or forward it."""
-        key, parameters = selector(node, command, timeout_s)
+        request = row_of(command)
+        key, parameters = request.selector(node, command, timeout_s)
         with zenoh_errors(key):
-            found = await ask_all(self.zenoh_session, key, parameters, timeout_s=timeout_s)
+            found = await ask_all(
+                self.zenoh_session, key, parameters, timeout_s=timeout_s, is_first_enough=True
+            )
         if found.answers:
-            return read_state(found.answers[0][1], command)
+            state: CommandState = request.decode(found.answers[0][1]).state()
+            return state
         nobody = (CallFailure.NO_SERVER, f"no gateway here knows node {node}")
         failure, text = (*found.failures, nobody)[0]
         if failure is CallFailure.HANDLER:
