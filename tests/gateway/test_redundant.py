@@ -204,6 +204,19 @@ def test_service_whose_server_is_a_redundant_gateway_is_left_to_it() -> None:
     run(main())
 
 
+def test_each_gateway_says_that_there_is_no_channel_to_its_own_node() -> None:
+    async def main() -> None:
+        async with fleet() as here:
+            for node in (1, 3):
+                replies = await get(here.shore, f"@acoustic/{node}/ping")
+                assert not replies.good
+                assert [
+                    f"node {node} is on this local network" in each for each in replies.errors
+                ] == [True]
+
+    run(main())
+
+
 def test_second_gateway_with_the_same_address_is_refused() -> None:
     async def main() -> None:
         channel = Channel()

@@ -21,7 +21,7 @@ from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.wire.calls import CallFailure
 from zacoustic.core.wire.routing import RoutingAnswer, RoutingRequest
 from zacoustic.errors import CallTimeoutError, ServiceError
-from zacoustic.zenoh.session.asking.routing import RoutingReport
+from zacoustic.zenoh.requests.routing import RoutingReport
 
 ADDRESSES = range(1, NODES + 1)
 

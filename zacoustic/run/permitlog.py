@@ -17,14 +17,17 @@ A file that cannot be opened is an error at the start; see `zacoustic.run.linefi
 
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
 from zacoustic.core.base.clock import NS_PER_S, ns_to_seconds
 from zacoustic.core.base.linktypes import Transmission, TransmitOutcome, TransmitReport
-from zacoustic.core.engine.engine import Engine
 from zacoustic.errors import ConfigError
 from zacoustic.run.linefile import LineFile
+
+if TYPE_CHECKING:
+    from zacoustic.core.engine.engine import Engine
 
 
 class Emission(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
@@ -73,7 +76,7 @@ class PermitLog:
         self._file.append(msgspec.json.encode(emission))
 
     def note_report(
-        self, engine: Engine, sent: Transmission, report: TransmitReport, offset_ns: int
+        self, engine: "Engine", sent: Transmission, report: TransmitReport, offset_ns: int
     ) -> None:
         """Append the emission that a link reports, unless it made no sound.
 

@@ -15,12 +15,6 @@ from zacoustic.run.inbox import WakeUp
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.pending import CallEnd, Pending
-from zacoustic.zenoh.gateway.commands.handlers import Handlers
-from zacoustic.zenoh.gateway.commands.keydelivery import KeyHandler
-from zacoustic.zenoh.gateway.commands.objects import ObjectHandler
-from zacoustic.zenoh.gateway.commands.pings import PingHandler
-from zacoustic.zenoh.gateway.commands.remote import CommandHandler
-from zacoustic.zenoh.gateway.commands.routing import RoutingHandler
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
@@ -30,11 +24,13 @@ from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.network.routes import Routes
 from zacoustic.zenoh.gateway.notices import Notify
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
+from zacoustic.zenoh.gateway.requests import RequestHandler
 from zacoustic.zenoh.gateway.session import GatewaySession
 from zacoustic.zenoh.gateway.status.channel import FrameLog
 from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.gateway.status.documents.dropped import Dropped
 from zacoustic.zenoh.gateway.status.documents.link import LinkStatus
+from zacoustic.zenoh.gateway.status.documents.objects import Objects
 from zacoustic.zenoh.gateway.status.documents.peers import PeerTable
 from zacoustic.zenoh.gateway.status.documents.streams import StreamStatus
 from zacoustic.zenoh.gateway.status.framefeed import FrameFeed
@@ -50,6 +46,7 @@ from zacoustic.zenoh.gateway.streams.kept import KeptSamples
 from zacoustic.zenoh.gateway.streams.matching import MatchingSubscribers
 from zacoustic.zenoh.gateway.streams.services import Services
 from zacoustic.zenoh.gateway.streams.topics import Topics
+from zacoustic.zenoh.requests.desk import Desk
 from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
 
@@ -105,6 +102,7 @@ class Composition:
         self._frames = FrameLog(parts.table, lambda: self._runner.engine, unix_s=self._dates.unix_s)
         # A gateway that must act when it hears nobody cannot do that while it is not running.
         self._runner = node.make_runner(self._trace, waits_for_link=bool(self._lost_contact))
+        self._desk = Desk(self._runner, self._ends, clock=self._clock, utc_ns=self._wall_clock)
         self._dialects = make_dialects(zenoh_session, self._input_errors, self._wake_up.ring)
         self._queries = QueryHandler(
             zenoh_session.worker, self._wake_up.ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT
@@ -131,7 +129,7 @@ class Composition:
             queries=self._queries,
             tell=self._announcer.tell,
         )
-        objects = ObjectHandler(self._table, self._runner)
+        objects = Objects(self._table)
         lost_contact = LostContactActions(
             self._redundant.address,
             self._lost_contact,
@@ -142,17 +140,16 @@ class Composition:
             tell=self._announcer.tell,
         )
         status = self._status(streams, routes, objects, lost_contact)
-        handlers = self._handlers(objects, status.health)
-        notices = EventNotices(self._table, self._runner, handlers.commands)
+        notices = EventNotices(self._table, self._desk)
         return GatewaySession(
             self._node,
             self._runner,
             network,
             streams=streams,
-            handlers=handlers,
+            requests=RequestHandler(self._desk, self._redundant, status.health),
             status=status,
             dispatcher=EventDispatcher(
-                streams, handlers, self._ends, network, status, notices, lost_contact
+                streams, self._desk, objects, network, status, notices, lost_contact
             ),
             lost_contact=lost_contact,
         )
@@ -193,25 +190,11 @@ class Composition:
         )
         return StreamHandlers(topics, services, actions, matching)
 
-    def _handlers(self, objects: ObjectHandler, health: Health) -> Handlers:
-        commands = CommandHandler(
-            self._table,
-            self._runner,
-            self._redundant,
-            self._ends,
-            clock=self._clock,
-            wall_clock=self._wall_clock,
-        )
-        pings = PingHandler(self._runner, self._redundant, self._ends, clock=self._clock)
-        keys = KeyHandler(self._runner, self._redundant, self._ends)
-        routing = RoutingHandler(self._runner, self._redundant, self._ends)
-        return Handlers(objects, commands, pings, keys, routing, health)
-
     def _status(
         self,
         streams: StreamHandlers,
         routes: Routes,
-        objects: ObjectHandler,
+        objects: Objects,
         lost_contact: LostContactActions,
     ) -> Status:
         runner, dates = self._runner, self._dates

@@ -33,7 +33,7 @@ When a token disappears from the list, the next lowest gateway takes over. When 
 higher one stands by.
 """
 
-from collections.abc import Collection, Container, Set
+from collections.abc import Collection, Set
 from typing import Final
 
 from zacoustic.core.base.clock import Clock, seconds_to_ns
@@ -122,14 +122,15 @@ class RedundantGateways:
         """Return whether received goals are for this gateway's network."""
         return isinstance(stream.spec, ActionSpec) and stream.spec.server == self.address
 
-    def asks(self, node: int, nodes: Container[int]) -> bool:
-        """Return whether this gateway asks a remote node for the local network.
+    def asks(self, node: int) -> bool:
+        """Return whether this gateway executes or sends a request to a node.
 
-        Args:
-            node: Address of the node.
-            nodes: All that are listed; none: every address may be there.
+        The gateway of a local node does, and the lowest of them for a remote node that is listed;
+        if no node is listed, every address may be there.
         """
-        is_known = 1 <= node <= 254 and (not nodes or node in nodes)
+        if node in self._alive:
+            return node == self.address
+        is_known = 1 <= node <= 254 and (not self._nodes or node in self._nodes)
         return is_known and self.address == min(self._alive)
 
     def publishers_beyond(self, stream: Stream) -> tuple[int, ...] | None:

@@ -11,10 +11,10 @@ import logging
 from zacoustic.errors import LinkClosedError
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.commands.handlers import Handlers
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
+from zacoustic.zenoh.gateway.requests import RequestHandler
 from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 
@@ -29,7 +29,7 @@ class GatewaySession:
         runner: Runs the engine on its link; closed with the session.
         network: The local network; left with the session.
         streams: Take local input.
-        handlers: Take requests to the gateway itself.
+        requests: Takes requests to the gateway itself.
         status: Publishes the gateway's status.
         dispatcher: Takes the events of the engine.
         lost_contact: Acts when contact is lost.
@@ -42,7 +42,7 @@ class GatewaySession:
         network: LocalNetwork,
         *,
         streams: StreamHandlers,
-        handlers: Handlers,
+        requests: RequestHandler,
         status: Status,
         dispatcher: EventDispatcher,
         lost_contact: LostContactActions,
@@ -52,7 +52,7 @@ class GatewaySession:
         self.failure: Exception | None = None
         self._node = node
         self._streams = streams
-        self._handlers = handlers
+        self._requests = requests
         self._status = status
         self._dispatcher = dispatcher
         self._lost_contact = lost_contact
@@ -134,9 +134,9 @@ class GatewaySession:
         self._status.feed.declare()
         self._lost_contact.declare()
         self._streams.services.watch(self.network.redundant.address)
-        self._handlers.declare(self.network.zenoh_session, self.network.queries)
+        self._requests.declare(self.network.zenoh_session, self.network.queries)
 
     def _undeclare(self) -> None:
         self._status.feed.undeclare()
         self._lost_contact.undeclare()
-        self._handlers.undeclare()
+        self._requests.undeclare()

@@ -57,7 +57,7 @@ from zacoustic.errors import (
 from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.goals import GoalCarrier
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
-from zacoustic.zenoh.session.asking.routing import RoutingReport
+from zacoustic.zenoh.requests.routing import RoutingReport
 
 NodeEvent = (
     LinkStateChanged

@@ -3,7 +3,7 @@
 import argparse
 from typing import Final
 
-from zacoustic.app.cli.remote.silence import add_command_arguments, give, make_command, silence_text
+from zacoustic.app.cli.remote.silence import add_command_arguments, give, make_command
 from zacoustic.link.command import Command
 
 _EXAMPLE: Final = """the same as `zacoustic silence resume`; quiet windows of the configuration stay
@@ -35,4 +35,4 @@ class ResumeCommand(Command):
         """
         from zacoustic.core.streams.commands import CommandKind
 
-        return give(arguments, make_command(kind=CommandKind.RESUME), silence_text)
+        return give(arguments, make_command(kind=CommandKind.RESUME))

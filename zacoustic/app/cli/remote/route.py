@@ -308,11 +308,12 @@ async def _survey(
 
 @contextlib.asynccontextmanager
 async def _asker(arguments: argparse.Namespace, config: "Config | None") -> "AsyncIterator[Asker]":
-    from zacoustic.app.tools.field.routes import LinkAsker, gateway_asker
+    from zacoustic.app.tools.field.asking import local_gateways
+    from zacoustic.app.tools.field.routes import GatewayAsker, LinkAsker
 
     if arguments.link is None:
-        async with gateway_asker(config, arguments.connect) as asker:
-            yield asker
+        async with local_gateways(config, arguments.connect) as gateways:
+            yield GatewayAsker(gateways)
     else:
         async with make_node(arguments) as own:
             yield LinkAsker(own)

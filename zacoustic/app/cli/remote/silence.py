@@ -18,8 +18,6 @@ from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_OK, Command
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from zacoustic.core.streams.commands import RemoteCommand
 
 _EXAMPLE: Final = """waiting data stays; a frame that the modem has begun is not cut off
@@ -77,7 +75,7 @@ class SilenceCommand(Command):
         kind = {"resume": CommandKind.RESUME, "until-resumed": CommandKind.SILENCE}.get(
             arguments.command, CommandKind.ASK if for_s is None else CommandKind.SILENCE
         )
-        return give(arguments, make_command(kind=kind, for_s=for_s), silence_text)
+        return give(arguments, make_command(kind=kind, for_s=for_s))
 
 
 def add_command_arguments(
@@ -111,23 +109,20 @@ def make_command(**fields: Any) -> "RemoteCommand":  # noqa: ANN401 (fields of a
         raise ConfigError(str(error)) from None
 
 
-def give(
-    arguments: argparse.Namespace, command: "RemoteCommand", text: "Callable[[Any], str]"
-) -> int:
+def give(arguments: argparse.Namespace, command: "RemoteCommand") -> int:
     """Send a command and print the new state.
 
     Args:
         arguments: Those of `add_command_arguments`.
         command: The command.
-        text: Converts an answer into words.
 
     Raises:
         ConfigError: An argument is wrong.
         DeliveryError, ServiceError: There is no such node, or it refuses.
     """
-    from zacoustic.app.tools.field.commands import give_command
+    from zacoustic.app.tools.field.asking import local_gateways
     from zacoustic.app.tools.fleetfile import read_fleet
-    from zacoustic.core.streams.commands import COMMANDS_TIMEOUT_S
+    from zacoustic.zenoh.requests.commands import row_of
 
     check_positive(arguments, "timeout")
     if arguments.node is not None and not 1 <= arguments.node <= 254:
@@ -135,14 +130,19 @@ def give(
     timeout_s = arguments.timeout
     if timeout_s is None:
         timeout_s = _HERE_S if arguments.node is None else _BEYOND_S
-    if timeout_s > COMMANDS_TIMEOUT_S:
-        raise ConfigError(f"--timeout {timeout_s:g}; allowed: at most {COMMANDS_TIMEOUT_S:g}")
+    request = row_of(command)
+    if timeout_s > request.most_s:
+        raise ConfigError(f"--timeout {timeout_s:g}; allowed: at most {request.most_s:g}")
     config = None if arguments.config is None else read_fleet(arguments.config)
-    answers = asyncio.run(
-        give_command(config, arguments.connect, command, node=arguments.node, timeout_s=timeout_s)
-    )
-    for state in answers:
-        print_line(msgspec.to_builtins(state), text(state), as_json=arguments.json)
+
+    async def ask() -> list[Any]:
+        async with local_gateways(config, arguments.connect) as gateways:
+            if arguments.node is None:
+                return await gateways.ask_all(request, command, timeout_s)
+            return [await gateways.ask(request, arguments.node, command, timeout_s)]
+
+    for state in sorted(asyncio.run(ask()), key=lambda state: state.address):
+        print_line(msgspec.to_builtins(state), state.text(), as_json=arguments.json)
     return EXIT_OK
 
 
@@ -157,15 +157,3 @@ def _seconds(written: str) -> float:
     if seconds <= 0:
         raise ConfigError(f"--for {written}; allowed: a time above 0, such as 90s, 30m, 2h, 1d")
     return seconds
-
-
-def silence_text(state: Any) -> str:  # noqa: ANN401 (a `SilenceState`, which is imported late)
-    """Describe a `SilenceState` in words."""
-    if not state.silent:
-        return f"node {state.address}: transmits"
-    why = "commanded" if state.commanded else "a quiet window"
-    if state.why and not state.commanded:
-        return f"node {state.address}: silent: {state.why}"
-    until = f"until {state.until_utc}" if state.until_utc else "until it is resumed"
-    doubt = f" ({state.why})" if state.why else ""
-    return f"node {state.address}: silent, {why}, {until}{doubt}"

@@ -77,7 +77,7 @@ class StreamCommand(Command):
         if arguments.reset:
             kind = CommandKind.RESET
         command = make_command(kind=kind, stream_id=_stream_id(arguments), **fields)
-        return give(arguments, command, _text)
+        return give(arguments, command)
 
 
 def _stream_id(arguments: argparse.Namespace) -> int:
@@ -112,10 +112,3 @@ async def _ids_of_gateways(connect: "list[str] | None") -> dict[str, int]:
     async with Watch(None, connect) as watch:
         views = watch.board.views()
     return {stream.name: stream.id for view in views for stream in view.streams}
-
-
-def _text(state: Any) -> str:  # noqa: ANN401 (a `StreamState`, which is imported late)
-    name = f"{state.stream} {state.name}".rstrip()
-    rate = f", every {state.min_interval_s:g} s at most" if state.min_interval_s else ""
-    switch = "on" if state.on else "off"
-    return f"node {state.address}, stream {name}: {switch}{rate}, priority {state.priority}"

@@ -12,7 +12,6 @@ from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command, CommandGroup
 if TYPE_CHECKING:
     from zacoustic.seal.identities import Members
     from zacoustic.seal.keys import FleetKey
-    from zacoustic.zenoh.session.asking.keydelivery import KeyAnswer
 
 _DANGER: Final = """\
 Every frame of a node is sealed under a number that no other frame may have. The number begins with
@@ -349,35 +348,25 @@ class SendKey(Command):
         """
         import asyncio
 
-        from zacoustic.app.tools.field.keydelivery import deliver_key
+        from zacoustic.app.tools.field.asking import local_gateways
         from zacoustic.app.tools.fleetfile import read_fleet
-        from zacoustic.core.streams.keydelivery import KEYS_TIMEOUT_S
+        from zacoustic.zenoh.requests.key import KEY, KeyAnswer, KeyAsked
 
         for name in ("node", "source"):
             if not 1 <= getattr(arguments, name) <= 254:
                 raise ConfigError(f"--{name} {getattr(arguments, name)}; allowed: 1..254")
-        if not 0 < arguments.timeout <= KEYS_TIMEOUT_S:
-            allowed = f"above 0, at most {KEYS_TIMEOUT_S:g}"
+        if not 0 < arguments.timeout <= KEY.most_s:
+            allowed = f"above 0, at most {KEY.most_s:g}"
             raise ConfigError(f"--timeout {arguments.timeout:g}; allowed: {allowed}")
         config = None if arguments.config is None else read_fleet(arguments.config)
-        answer = asyncio.run(
-            deliver_key(
-                config,
-                arguments.connect,
-                node=arguments.node,
-                source=arguments.source,
-                timeout_s=arguments.timeout,
-            )
-        )
-        print_result(answer, _delivered, as_json=arguments.json)
+
+        async def send() -> KeyAnswer:
+            question = KeyAsked(source=arguments.source)
+            async with local_gateways(config, arguments.connect) as gateways:
+                return await gateways.ask(KEY, arguments.node, question, arguments.timeout)
+
+        print_result(asyncio.run(send()), KeyAnswer.text, as_json=arguments.json)
         return EXIT_OK
-
-
-def _delivered(answer: "KeyAnswer") -> str:
-    return (
-        f"node {answer.address} opens broadcasts of node {answer.source} now: sent by node "
-        f"{answer.by}, a frame of {answer.airtime_s:g} s"
-    )
 
 
 def _print_key(arguments: argparse.Namespace, key: "FleetKey") -> int:

@@ -101,11 +101,12 @@ async def _ping(arguments: argparse.Namespace, done: "list[Ping]") -> None:
 async def _pinger(
     arguments: argparse.Namespace, config: "Config | None"
 ) -> "AsyncIterator[Pinger]":
-    from zacoustic.app.tools.field.pinging import LinkPinger, gateway_pinger
+    from zacoustic.app.tools.field.asking import local_gateways
+    from zacoustic.app.tools.field.pinging import GatewayPinger, LinkPinger
 
     if arguments.link is None:
-        async with gateway_pinger(config, arguments.connect) as pinger:
-            yield pinger
+        async with local_gateways(config, arguments.connect) as gateways:
+            yield GatewayPinger(gateways)
     else:
         async with make_node(arguments) as own:
             yield LinkPinger(own)
@@ -145,23 +146,7 @@ def _text(node: int, ping: "Ping") -> str:
     answer = ping.answer
     if answer is None:
         return f"{ping.number}: {one_line(ping.why) or f'node {node}: no answer in time'}"
-    words = []
-    if answer.round_trip_s is not None:
-        words.append(f"round trip {answer.round_trip_s:.2f} s")
-    if answer.range_m is not None:
-        words.append(f"{answer.range_m:.1f} m")
-    if answer.propagation_s is not None:
-        words.append(f"{answer.propagation_s:.3f} s one way")
-    if answer.range_age_s is not None and answer.range_age_s > (answer.round_trip_s or 0.0) + 1:
-        words.append(f"measured {answer.range_age_s:.0f} s ago")
-    for value, form in (
-        (answer.snr_db, "SNR {:.1f} dB"),
-        (answer.received_level_db, "level {:.1f} dB"),
-        (answer.integrity, "integrity {:.0f}"),
-    ):
-        if value is not None:
-            words.append(form.format(value))
-    return f"{ping.number}: node {node} by {answer.by}: {', '.join(words)}"
+    return f"{ping.number}: {answer.text()}"
 
 
 def _conclude(arguments: argparse.Namespace, done: "list[Ping]") -> int:

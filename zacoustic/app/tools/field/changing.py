@@ -9,7 +9,7 @@ from zacoustic.app.tools.field.probing import Asker
 from zacoustic.core.wire.relay import LAST_ROUTE
 from zacoustic.core.wire.routing import REVISIONS, RoutingKind, RoutingRequest
 from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
-from zacoustic.zenoh.session.asking.routing import RoutingReport
+from zacoustic.zenoh.requests.routing import RoutingReport
 
 _HALF: Final = REVISIONS // 2
 

@@ -1,8 +1,8 @@
 """Pings of the command line: one after the other, through a gateway or on a link, and statistics.
 
 Over an acoustic channel a round trip takes seconds, so the next ping goes when the last one was
-answered or given up, and the interval is over. `zacoustic.zenoh.gateway.commands.pings` describes
-the parts of a ping.
+answered or given up, and the interval is over. `zacoustic.zenoh.requests.ping` describes the
+parts of a ping.
 """
 
 import asyncio
@@ -11,13 +11,11 @@ import math
 import time
 from abc import ABC, abstractmethod
 from collections.abc import AsyncIterator, Sequence
-from typing import Final
 
 import msgspec
 import zenoh
 
-from zacoustic.app.tools.field.asking import ask_gateway
-from zacoustic.config import Config
+from zacoustic.app.tools.field.asking import Gateways
 from zacoustic.core.streams.commands import RemoteCommand
 from zacoustic.errors import (
     CallTimeoutError,
@@ -27,12 +25,7 @@ from zacoustic.errors import (
     ServiceError,
 )
 from zacoustic.zenoh.node import Node
-from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.pings import LINK_DOWN, PingAnswer, ping_selector
-from zacoustic.zenoh.session.session import ZenohSession
-
-RANGE_LIMIT_S: Final = 10.0
-"""Additional time for an answer with the range, s."""
+from zacoustic.zenoh.requests.ping import LINK_DOWN, PING, RANGE_LIMIT_S, PingAnswer, PingAsked
 
 
 class Ping(msgspec.Struct, frozen=True, kw_only=True):
@@ -65,19 +58,15 @@ class GatewayPinger(Pinger):
     """Pings through the local gateway.
 
     Args:
-        zenoh_session: A session on its network.
+        gateways: The gateways on its network.
     """
 
-    def __init__(self, zenoh_session: ZenohSession) -> None:
-        self._zenoh_session = zenoh_session
+    def __init__(self, gateways: Gateways) -> None:
+        self._gateways = gateways
 
-    async def ping(self, node: int, timeout_s: float, *, status: bool = False) -> PingAnswer:
-        """Query the local gateways; the responsible one pings, and may ask for the status."""
-        key, parameters = ping_selector(node, timeout_s, status=status)
-        answer = await ask_gateway(
-            self._zenoh_session, key, parameters, node=node, timeout_s=timeout_s
-        )
-        return msgspec.json.decode(answer, type=PingAnswer)
+    async def ping(self, node: int, timeout_s: float) -> PingAnswer:
+        """Ask the local gateways; the responsible one pings."""
+        return await self._gateways.ask(PING, node, PingAsked(), timeout_s)
 
 
 class LinkPinger(Pinger):
@@ -119,22 +108,6 @@ class LinkPinger(Pinger):
             range_age_s=round(found.age_s(time.monotonic_ns()), 3),
             integrity=found.integrity,
         )
-
-
-@contextlib.asynccontextmanager
-async def gateway_pinger(
-    config: Config | None, connect: Sequence[str] | None
-) -> AsyncIterator[Pinger]:
-    """Open a session to ping through a local gateway.
-
-    Raises:
-        SessionError: No router can be reached.
-    """
-    zenoh_session = await ZenohSession.open(session_config(config, connect))
-    try:
-        yield GatewayPinger(zenoh_session)
-    finally:
-        await zenoh_session.close()
 
 
 async def pings(

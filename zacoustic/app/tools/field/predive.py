@@ -14,18 +14,16 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.app.tools.columns import align
+from zacoustic.app.tools.field.asking import Gateways, local_gateways
 from zacoustic.app.tools.field.doctor.doctor import Options, diagnose
 from zacoustic.app.tools.field.doctor.network import Running, look
-from zacoustic.app.tools.field.pinging import GatewayPinger
 from zacoustic.config import Config, read_config
 from zacoustic.core.peers.sealing import Refusal
 from zacoustic.core.schedule.access.spec import AutoSpec, ScheduleSpec, TdmaSpec
 from zacoustic.errors import ConfigError, DeliveryError
 from zacoustic.link.contract import Finding
 from zacoustic.text.safetext import one_line
-from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.pings import PeerStatus, PingAnswer
-from zacoustic.zenoh.session.session import ZenohSession
+from zacoustic.zenoh.requests.ping import PING, PeerStatus, PingAnswer, PingAsked
 
 DEFAULT_WITHIN_S: Final = 40.0
 """Time for answers, s; with the doctor's checks, a minute."""
@@ -176,19 +174,17 @@ async def _ask(
     config: Config, connect: Sequence[str], nodes: Sequence[int], within_s: float
 ) -> dict[int, PingAnswer | str]:
     """Return the answer of each node, or why there is none; one gateway asks all at once."""
-    zenoh_session = await ZenohSession.open(session_config(config, connect or None))
-    pinger = GatewayPinger(zenoh_session)
+    question = PingAsked(status=True)
 
-    async def ask(node: int) -> PingAnswer | str:
+    async def ask(gateways: Gateways, node: int) -> PingAnswer | str:
         try:
-            return await pinger.ping(node, within_s, status=True)
+            return await gateways.ask(PING, node, question, within_s)
         except (DeliveryError, TimeoutError) as error:
             return str(error)
 
-    try:
-        return dict(zip(nodes, await asyncio.gather(*map(ask, nodes)), strict=True))
-    finally:
-        await zenoh_session.close()
+    async with local_gateways(config, connect or None) as gateways:
+        answers = await asyncio.gather(*(ask(gateways, node) for node in nodes))
+    return dict(zip(nodes, answers, strict=True))
 
 
 def _contact(

@@ -23,7 +23,7 @@ from zacoustic.core.relay.route import MOST_NODES, Route
 from zacoustic.core.wire.relay import LAST_ROUTE, PROBE_BYTES
 from zacoustic.core.wire.routing import MOST_SOURCES, MOST_VIA, RoutingKind, RoutingRequest
 from zacoustic.errors import CallTimeoutError, DeliveryError, ServiceError
-from zacoustic.zenoh.session.asking.routing import RoutingReport
+from zacoustic.zenoh.requests.routing import RoutingReport
 
 _REST_S: Final = 2.0
 """Pause after a run, s: the last probe is on its way."""

@@ -1,24 +1,22 @@
 """Commands about routes of the command line, and what gateways say of routes."""
 
 import asyncio
-import contextlib
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import Sequence
 from typing import Any, Final
 
 import msgspec
 
-from zacoustic.app.tools.field.asking import ask_gateway, no_answer
+from zacoustic.app.tools.field.asking import Gateways, local_gateways
 from zacoustic.app.tools.field.probing import Asker
 from zacoustic.config import Config
 from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.relay.route import Route
-from zacoustic.core.wire.routing import RoutingRequest
+from zacoustic.core.wire.routing import RoutingKind, RoutingRequest
 from zacoustic.errors import SessionError
 from zacoustic.zenoh.node import Node
-from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.requests.request import ANY_NODE, PREFIX
+from zacoustic.zenoh.requests.routing import ROUTING, RoutingReport
 from zacoustic.zenoh.session.asking.allreplies import ask_all
-from zacoustic.zenoh.session.asking.commands import ANY_NODE, PREFIX
-from zacoustic.zenoh.session.asking.routing import ROUTING, RoutingReport, routing_selector
 from zacoustic.zenoh.session.session import ZenohSession
 
 _HERE_S: Final = 3.0
@@ -29,27 +27,21 @@ class GatewayAsker(Asker):
     """Asks through the local gateways.
 
     Args:
-        zenoh_session: A session on their network.
+        gateways: The gateways.
     """
 
-    def __init__(self, zenoh_session: ZenohSession) -> None:
-        self._zenoh_session = zenoh_session
+    def __init__(self, gateways: Gateways) -> None:
+        self._gateways = gateways
 
     async def own(self) -> int:
         """Return the lowest address of the local gateways: that one asks."""
-        found = await ask_all(self._zenoh_session, ROUTING, "do=heard;run=0", timeout_s=_HERE_S)
-        if not found.answers:
-            raise no_answer(None, None)
-        reports = (msgspec.json.decode(each, type=RoutingReport) for _, each in found.answers)
+        question = RoutingRequest(kind=RoutingKind.HEARD)
+        reports = await self._gateways.ask_all(ROUTING, question, _HERE_S)
         return min(report.address for report in reports)
 
     async def ask(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
-        """Query the gateways; the responsible one asks."""
-        key, parameters = routing_selector(node, request, timeout_s)
-        answer = await ask_gateway(
-            self._zenoh_session, key, parameters, node=node, timeout_s=timeout_s
-        )
-        return msgspec.json.decode(answer, type=RoutingReport)
+        """Ask the gateways; the responsible one asks the node."""
+        return await self._gateways.ask(ROUTING, node, request, timeout_s)
 
     async def wait(self, seconds: float) -> None:
         """Sleep."""
@@ -78,22 +70,6 @@ class LinkAsker(Asker):
     async def wait(self, seconds: float) -> None:
         """Sleep."""
         await asyncio.sleep(seconds)
-
-
-@contextlib.asynccontextmanager
-async def gateway_asker(
-    config: Config | None, connect: Sequence[str] | None
-) -> AsyncIterator[GatewayAsker]:
-    """Open a session to ask through a local gateway.
-
-    Raises:
-        SessionError: No router can be reached.
-    """
-    zenoh_session = await ZenohSession.open(session_config(config, connect))
-    try:
-        yield GatewayAsker(zenoh_session)
-    finally:
-        await zenoh_session.close()
 
 
 class HopShown(msgspec.Struct, frozen=True, kw_only=True):
@@ -144,15 +120,11 @@ async def shown_routes(config: Config, connect: Sequence[str] | None) -> list[Ro
     """
     documents: dict[int, Any] = {}
     try:
-        zenoh_session = await ZenohSession.open(session_config(config, connect))
+        async with local_gateways(config, connect) as gateways:
+            documents = await _documents(gateways.zenoh_session)
     except SessionError:
         if connect:
             raise
-    else:
-        try:
-            documents = await _documents(zenoh_session)
-        finally:
-            await zenoh_session.close()
     return [_shown(route, documents) for route in config.rules.routes]
 
 

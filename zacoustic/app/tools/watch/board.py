@@ -58,7 +58,7 @@ from zacoustic.app.tools.watch.views import (
 )
 from zacoustic.app.tools.watch.ways import first_link
 from zacoustic.core.engine.events import DeliveryOutcome
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.requests.request import PREFIX
 
 WINDOW_S: Final = 60.0
 """The utilisation covers this time, s, once it was observed."""

@@ -14,7 +14,7 @@ from zacoustic.app.tools.watch.board import Board, addresses_in
 from zacoustic.config import Config
 from zacoustic.run.inbox import WakeUp, tell_loop
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession
 
 PULSE_S: Final = 0.5

@@ -27,13 +27,14 @@ from zacoustic.core.peers.ranging import RangeFailed, RangeMeasured
 from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.run.dispatching import Dispatcher
-from zacoustic.run.pending import CallEnd, Pending
-from zacoustic.zenoh.gateway.commands.handlers import Handlers
+from zacoustic.run.pending import CallEnd
 from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
+from zacoustic.zenoh.gateway.status.documents.objects import Objects
 from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
+from zacoustic.zenoh.requests.desk import Desk
 
 _HEARD_ELSEWHERE = (
     DeliveryStored,
@@ -52,8 +53,8 @@ class EventDispatcher(Dispatcher):
 
     Args:
         streams: Take samples, received calls and goals.
-        handlers: Take ranges, and progress of objects.
-        ends: Wait for the ends of sent calls and commands.
+        desk: Has the requests that wait for calls and ranges.
+        objects: Take progress of objects.
         network: Sees engines restart, and peers go and come.
         status: Records the rest, and emits notices.
         notices: Makes the notices.
@@ -63,15 +64,14 @@ class EventDispatcher(Dispatcher):
     def __init__(
         self,
         streams: StreamHandlers,
-        handlers: Handlers,
-        ends: Pending[CallEnd],
+        desk: Desk,
+        objects: Objects,
         network: LocalNetwork,
         status: Status,
         notices: EventNotices,
         lost_contact: LostContactActions,
     ) -> None:
-        self._ends = ends
-        self._pings = handlers.pings
+        self._desk = desk
         self._status = status
         self._notices = notices
         super().__init__(
@@ -83,10 +83,10 @@ class EventDispatcher(Dispatcher):
                 RequestReceived: (streams.services.serve,),
                 ResponseReceived: (self._answer,),
                 CallFailed: (self._answer,),
-                RangeMeasured: (handlers.pings.ranged,),
+                RangeMeasured: (self._take_range,),
                 RangeFailed: (self._fail_range,),
                 DeliveryEnded: (status.note_delivery,),
-                ObjectProgress: (handlers.objects.note,),
+                ObjectProgress: (objects.note,),
                 StreamsDiffer: (status.note_difference, self._tell),
                 PeerSeen: (status.note_peer, self._tell),
                 PeerLost: (self._tell, network.note_peer),
@@ -98,10 +98,13 @@ class EventDispatcher(Dispatcher):
         )
 
     def _answer(self, event: CallEnd) -> None:
-        self._ends.take(event.call_id, event)
+        self._desk.ends.take(event.call_id, event)
+
+    def _take_range(self, event: RangeMeasured | RangeFailed) -> bool:
+        return self._desk.ranges.take(event.range_id, event)
 
     def _fail_range(self, event: RangeFailed) -> None:
-        if not self._pings.ranged(event):
+        if not self._take_range(event):
             self._tell(event)
 
     def _tell(self, event: Event) -> None:

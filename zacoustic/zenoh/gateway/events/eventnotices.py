@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, Final
 
+from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.engine.events import (
     AccessStateChanged,
     AddressShared,
@@ -28,9 +29,8 @@ from zacoustic.core.engine.events import (
 )
 from zacoustic.core.peers.ranging import RangeFailed
 from zacoustic.core.profiles.entities import RosEntitySeen
+from zacoustic.core.streams.commands import CommandState
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.gateway.commands.remote import CommandHandler
 from zacoustic.zenoh.gateway.notices import (
     AccessChanged,
     AddressClash,
@@ -56,6 +56,8 @@ from zacoustic.zenoh.gateway.notices import (
     Subscribed,
     TopicOverridden,
 )
+from zacoustic.zenoh.requests.commands import SilenceState
+from zacoustic.zenoh.requests.desk import Desk
 
 
 class EventNotices:
@@ -63,14 +65,13 @@ class EventNotices:
 
     Args:
         table: All streams.
-        runner: Runs the link.
-        commands: Describes silence.
+        desk: The gateway.
     """
 
-    def __init__(self, table: StreamTable, runner: LinkRunner, commands: CommandHandler) -> None:
+    def __init__(self, table: StreamTable, desk: Desk) -> None:
         self._table = table
-        self._runner = runner
-        self._commands = commands
+        self._desk = desk
+        self._runner = desk.runner
 
     def of(self, event: Event) -> Notice | None:
         """Return the notice of an event; None: it is not worth one."""
@@ -85,9 +86,13 @@ class EventNotices:
         return LinkChanged(state=event.state.value, detail=detail, link=event.link)
 
     def _silence(self, event: SilenceChanged) -> Notice:
-        state = self._commands.silence(event)
+        desk, left_s = self._desk, None
+        if event.ends_at is not None:
+            left_s = ns_to_seconds(event.ends_at - desk.clock())
+        state = CommandState(silent=event.is_silent, commanded=event.is_commanded, left_s=left_s)
+        said = SilenceState.of(desk, desk.engine.address, None, state)
         return SilenceJournalled(
-            silent=state.silent, until_utc=state.until_utc or "", doubt=event.doubt
+            silent=said.silent, until_utc=said.until_utc or "", doubt=event.doubt
         )
 
     def _overridden(self, event: StreamOverridden) -> Notice:

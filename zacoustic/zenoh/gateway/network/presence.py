@@ -19,7 +19,7 @@ from typing import Final
 import zenoh
 
 from zacoustic.errors import SessionError
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession
 
 # A get of tokens ends when all routers have answered; only a failing one uses up the time.

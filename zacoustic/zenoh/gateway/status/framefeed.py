@@ -21,7 +21,7 @@ from zacoustic.run.inbox import tell_loop
 from zacoustic.run.recording.channels import received_frame, report_record, sent_frame
 from zacoustic.run.recording.schemas import as_json
 from zacoustic.run.runner import LinkRunner
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession
 
 FRAMES: Final = "frames"

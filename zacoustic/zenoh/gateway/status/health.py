@@ -39,7 +39,7 @@ from zacoustic.core.base.qos import Priority
 from zacoustic.core.values.encoding import JSON
 from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.gateway.status.report import Report
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 from zacoustic.zenoh.session.session import ZenohSession
 

@@ -25,7 +25,7 @@ from zacoustic.zenoh.node.api.endpoints import EndpointMaker
 from zacoustic.zenoh.node.api.eventlog import EventLog
 from zacoustic.zenoh.node.api.identity import identify
 from zacoustic.zenoh.node.carrier import Carrier, NodeEvent
-from zacoustic.zenoh.session.asking.routing import RoutingReport
+from zacoustic.zenoh.requests.routing import RoutingReport
 
 COMMAND_TIMEOUT_S: Final = 60.0
 """Default time limit of a command, s."""

@@ -1,8 +1,5 @@
 """Commands about routes of a node on a link: to remote nodes, and to itself."""
 
-import msgspec
-
-from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.engine.events import CallFailed, CallFailure
 from zacoustic.core.wire.routing import RoutingAnswer, RoutingRequest
 from zacoustic.errors import DeliveryError, ServiceError
@@ -10,7 +7,7 @@ from zacoustic.run.pending import CallEnd
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.node.carrier import call_error
 from zacoustic.zenoh.node.onlink.answers import Answers, execute_here
-from zacoustic.zenoh.session.asking.routing import RoutingReport
+from zacoustic.zenoh.requests.routing import RoutingReport
 
 
 class LinkRouting:
@@ -42,7 +39,7 @@ class LinkRouting:
                 ),
                 timeout_s,
             )
-            return self._report(node, found)
+            return RoutingReport.of(self._runner.engine, node, found)
         end = await self._answers.ask(
             lambda engine, now: engine.routing.send(node, request, now, timeout_s=timeout_s),
             lambda engine, call_id, now: engine.cancel(call_id, now),
@@ -55,15 +52,4 @@ class LinkRouting:
             answer = RoutingAnswer.decode(request.kind, end.value)
         except ValueError as error:
             raise DeliveryError(str(error)) from None
-        return self._report(node, answer)
-
-    # Below the method above
-
-    def _report(self, node: int, answer: RoutingAnswer) -> RoutingReport:
-        engine = self._runner.engine
-        return RoutingReport(
-            address=node,
-            by=engine.address,
-            sent_s=round(ns_to_seconds(engine.stats.airtime_ns), 3),
-            **msgspec.structs.asdict(answer),
-        )
+        return RoutingReport.of(self._runner.engine, node, answer)

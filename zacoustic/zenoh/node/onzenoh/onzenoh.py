@@ -43,10 +43,10 @@ from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
 from zacoustic.zenoh.node.onzenoh.queries import ServiceHandler
 from zacoustic.zenoh.node.onzenoh.session import session_config, zenoh_errors
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
+from zacoustic.zenoh.requests.commands import row_of
+from zacoustic.zenoh.requests.routing import RoutingReport
 from zacoustic.zenoh.session.asking.allreplies import ask_all
-from zacoustic.zenoh.session.asking.commands import read_state, selector
 from zacoustic.zenoh.session.asking.question import Question
-from zacoustic.zenoh.session.asking.routing import RoutingReport
 from zacoustic.zenoh.session.latching import LatchedPublisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, ZenohSession, zenoh_priority
@@ -151,11 +151,15 @@ class ZenohCarrier:
 
     async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
         """Ask the local gateways, which execute or forward it."""
-        key, parameters = selector(node, command, timeout_s)
+        request = row_of(command)
+        key, parameters = request.selector(node, command, timeout_s)
         with zenoh_errors(key):
-            found = await ask_all(self.zenoh_session, key, parameters, timeout_s=timeout_s)
+            found = await ask_all(
+                self.zenoh_session, key, parameters, timeout_s=timeout_s, is_first_enough=True
+            )
         if found.answers:
-            return read_state(found.answers[0][1], command)
+            state: CommandState = request.decode(found.answers[0][1]).state()
+            return state
         nobody = (CallFailure.NO_SERVER, f"no gateway here knows node {node}")
         failure, text = (*found.failures, nobody)[0]
         if failure is CallFailure.HANDLER:
@@ -163,7 +167,7 @@ class ZenohCarrier:
         raise call_error("the command", failure, text)
 
     async def routing(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
-        """Refuse: programs on Zenoh query the key of `zacoustic.zenoh.session.asking.routing`."""
+        """Refuse: programs on Zenoh query the key of `zacoustic.zenoh.requests.routing`."""
         raise DeliveryError(
             f"commands about routes to node {node}: the gateway gives them",
             hint=f"get @acoustic/{node}/routing?do=heard;run=7, or use zacoustic route",

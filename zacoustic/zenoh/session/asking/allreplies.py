@@ -25,7 +25,12 @@ class Replies(msgspec.Struct):
 
 
 async def ask_all(
-    zenoh_session: ZenohSession, key: str, parameters: str = "", *, timeout_s: float
+    zenoh_session: ZenohSession,
+    key: str,
+    parameters: str = "",
+    *,
+    timeout_s: float,
+    is_first_enough: bool = False,
 ) -> Replies:
     """Query a key expression, and wait for the last reply.
 
@@ -34,6 +39,7 @@ async def ask_all(
         key: The key expression.
         parameters: Of the query.
         timeout_s: How long to wait, s.
+        is_first_enough: Wait for the first good reply only.
 
     Raises:
         ZError: It cannot be sent.
@@ -45,6 +51,8 @@ async def ask_all(
     def take(reply: zenoh.Reply) -> None:
         if reply.ok is not None:
             found.answers.append((str(reply.ok.key_expr), reply.ok.payload.to_bytes()))
+            if is_first_enough:
+                tell_loop(loop, ended.set)
         elif reply.err is not None:
             payload, encoding = reply.err.payload.to_bytes(), str(reply.err.encoding)
             found.failures.append(read_error(key, payload, encoding))

@@ -16,6 +16,7 @@ import msgspec
 import zenoh
 
 from zacoustic.core.engine.events import CallFailure
+from zacoustic.core.values.encoding import JSON
 from zacoustic.zenoh.session.asking.replies import ERROR_ENCODING, error_text
 from zacoustic.zenoh.session.worker import Worker
 
@@ -56,6 +57,11 @@ class HeldQuery:
     def answer(self, answers: Sequence[Answer]) -> bool:
         """Reply with these values; none: the `get` ends without a reply. False: it had ended."""
         return self._handler.finish(self, lambda query: _reply(query, answers))
+
+    def answer_json(self, key: str, document: object) -> bool:
+        """Reply with one document as JSON. False: it had ended."""
+        payload = msgspec.json.encode(document)
+        return self.answer([Answer(key=key, payload=payload, encoding=JSON)])
 
     def refuse(self, failure: CallFailure, text: str) -> bool:
         """Reply with an error. False: it had ended."""

@@ -15,7 +15,7 @@ from zacoustic.errors import SessionError
 from zacoustic.link.contract import Finding
 from zacoustic.ros.tokens import PREFIX as ROS_PREFIX
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession, endpoints_of, mode_of
 
 _TCP: Final = re.compile(r"(?:tcp|tls|ws)/(\[.*\]|[^:/]+):([0-9]{1,5})")

@@ -46,7 +46,7 @@ from zacoustic.run.recording.values import encode_value, ros_channel
 from zacoustic.run.recording.writing import RecordingFile
 from zacoustic.zenoh.gateway.dialect.translation import from_local
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, ZenohSession
 

@@ -24,7 +24,7 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.ros.streams import RosAction, RosService, RosTopic
 from zacoustic.ros.tokens import PREFIX as ROS_TOKENS
 from zacoustic.zenoh.gateway.dialect.ros.graph import ENCLAVE
-from zacoustic.zenoh.session.asking.commands import PREFIX
+from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.asking.goals import ActionKey
 
 _DOCUMENTS: Final = (

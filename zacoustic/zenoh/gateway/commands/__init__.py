@@ -1,1 +1,0 @@
-"""Requests to the gateway itself: commands, pings, objects."""
