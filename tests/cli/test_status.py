@@ -136,6 +136,21 @@ def test_a_status_names_what_fails_and_stays_short() -> None:
     assert [each.is_stopped for each in status.failing] == [True] + [False] * 8
 
 
+def test_a_status_says_why_the_next_frame_waits() -> None:
+    def waiting(**more: object) -> list[str]:
+        lines = status_text(gateway([], [], **more)).splitlines()
+        return [line for line in lines if "wait" in line]
+
+    assert waiting() == ["  waiting  3 samples, calls and goals"]
+    slot = {"why": "slot", "left_s": 3.21}
+    assert waiting(waits=slot) == [
+        "  waiting  3 samples, calls and goals; next frame waits: slot, 3.2 s more"
+    ]
+    carrier = {"why": "carrier", "left_s": None}
+    assert waiting(waits=carrier, waiting=0) == ["  waiting  next frame waits: carrier"]
+    assert waiting(waiting=0) == []
+
+
 def test_a_status_tells_what_waits_who_has_it_and_whether_that_node_is_heard() -> None:
     log = {"stream": "auv1/log", "own": {5: 3}, "custodians": {2: 2}, "carried": {},
            "carried_bytes": 0, "oldest_s": 7300.0, "ends_in_s": 79_000.0}  # fmt: skip

@@ -141,6 +141,12 @@ def test_ends_of_the_trains_have_their_own_ways() -> None:
         assert told == ([] if is_end else [seconds_to_ns(5)])
 
 
+def free_at(port: LinkPort, wanted: Wanted, now: int) -> int | None:
+    """Return when all that the port knows allows a frame."""
+    at = port.after_burst(wanted, port.after_gap(wanted, wanted.due_at, now), now)
+    return port.by_access(wanted, port.after_pause(wanted, at, now), now)
+
+
 def bulk_frame(at_s: float) -> ReceivedFrame:
     return ReceivedFrame(
         frame_bytes=b"fragment",
@@ -154,18 +160,18 @@ def bulk_frame(at_s: float) -> ReceivedFrame:
 def test_channel_is_not_free_after_an_answer_that_asks_for_more() -> None:
     port, now = LinkPort(CAPABILITIES, 2, random.Random(1)), seconds_to_ns(5)
     port.handle_call(1, ListenHint.ANSWER, bulk_frame(5), now)
-    assert port.free_at(Wanted(now), now) == now, "the answer itself"
+    assert free_at(port, Wanted(now), now) == now, "the answer itself"
     port.bulk_goes_on(1, now)
-    waits_until = port.free_at(Wanted(now), now)
+    waits_until = free_at(port, Wanted(now), now)
     assert waits_until is not None
     assert waits_until > now + seconds_to_ns(5)
-    assert port.free_at(Wanted(now, is_for_others=True), now) == now
+    assert free_at(port, Wanted(now, is_for_others=True), now) == now
     # It has not got that answer, and asks again, perhaps by a plain frame.
     asked = msgspec.structs.replace(bulk_frame(5), service=Service.PLAIN)
     port.handle_call(1, ListenHint.ANSWER, asked, now)
-    assert port.free_at(Wanted(now), now) == now
+    assert free_at(port, Wanted(now), now) == now
     port.bulk_goes_on(1, now)
-    assert port.free_at(Wanted(now), now) == now, "no train of it has asked"
+    assert free_at(port, Wanted(now), now) == now, "no train of it has asked"
 
 
 def test_reports_of_the_receiver_wait_from_its_answer_to_the_next_train(

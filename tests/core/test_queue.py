@@ -111,6 +111,18 @@ def test_expired_sample_is_never_offered() -> None:
     assert queue.due_at(5) is None
 
 
+def test_to_ask_drops_nothing_and_to_decide_drops_what_has_expired() -> None:
+    queue = TransmitQueue()
+    queue.push((1,), item(1, b"old", expires_at=5), Qos(depth=2))
+    queue.push((2,), item(2, b"new", at=3), Qos())
+    assert queue.due_at(5) == 3
+    assert len(queue) == 2
+    queue.settle(5, (2,))
+    assert len(queue) == 2
+    queue.settle(5)
+    assert (len(queue), queue.expired) == (1, {1: 1})
+
+
 def test_minimum_interval_holds_a_key_back_and_the_newest_wins() -> None:
     queue = TransmitQueue()
     qos = Qos(min_interval_s=10)

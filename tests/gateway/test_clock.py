@@ -6,7 +6,7 @@ from typing import Any
 
 import zenoh
 
-from tests.gateway.networks import SECTION, Channel, local_network, run, until
+from tests.gateway.networks import SECTION, Channel, hear, local_network, run, until
 from tests.gateway.networks import get as ask
 from zacoustic.app.tools.watch.board import Board
 from zacoustic.run.hostclock import ClockState, HostClock
@@ -46,11 +46,16 @@ def test_gateway_that_starts_in_the_seventies_transmits_when_its_clock_is_set() 
         computer.wrong_ns, computer.error_ns = -YEARS_NS, None
         async with local_network(1, channel, section=scheduled(), host=computer.host) as shore:
             with shore.client() as client:
+                told = await hear(client, "@acoustic/1/link")
                 client.put("chat", b"early")
                 doubt = "UTC is not known: the clock of this computer is not set"
                 assert ClockChanged(doubt=doubt) in shore.notices
                 link = await get(client, "@acoustic/1/link")
                 assert (link["silent"], link["why_silent"]) == (True, doubt)
+                # A sample waits for a frame outside of the engine first, for a second at most.
+                while (waits := json.loads(await told.payload())["waits"]) is None:
+                    pass
+                assert waits == {"why": "clock", "until_unix_s": None}
                 events = (await get(client, "@acoustic/1/events"))["events"]
                 assert any(each["trouble"] and doubt in each["text"] for each in events)
                 assert channel.sent_by(1) == 0
@@ -60,6 +65,8 @@ def test_gateway_that_starts_in_the_seventies_transmits_when_its_clock_is_set() 
                 assert ClockChanged(doubt="") in shore.notices
                 link = await get(client, "@acoustic/1/link")
                 assert (link["silent"], link["why_silent"]) == (False, "")
+                while json.loads(await told.payload())["waits"] is not None:
+                    pass
 
     run(scene())
 

@@ -62,6 +62,8 @@ class Network:
         self.opening = Opening.FREE
         self.waits = 0
         self.rung = 0
+        self.told = 0
+        """How often the engine was told that samples wait here."""
         self.is_latched = qos.durability is Durability.TRANSIENT_LOCAL
         self.stream = StreamTable([TopicSpec(stream_id=1, name="a", qos=qos)]).by_id(1)
         self.session = self.zenoh_session = self
@@ -101,6 +103,10 @@ class Network:
     def openings(self, link: str, now: int) -> Opening:
         return self.opening
 
+    def handle_waiting(self, link: str, now: int) -> None:
+        assert self.opening is Opening.CLOSED
+        self.told += 1
+
     def put(self, *payloads: bytes, attachment: bytes | None = None) -> None:
         for payload in payloads:
             for each in list(self.declared):
@@ -136,7 +142,7 @@ class Engine:
 
     def __init__(self, network: Network) -> None:
         self.link_of, self.pending = network.link_of, network.pending
-        self.opening = network.openings
+        self.opening, self.handle_waiting = network.openings, network.handle_waiting
 
 
 def test_sample_wakes_an_idle_gateway_and_is_taken_at_once() -> None:
@@ -155,6 +161,7 @@ def test_newest_sample_waits_for_the_frame_and_the_others_are_counted_and_not_re
         assert network.due() == []
         network.now += LOOK_NS
     assert network.rung == 1, "the loop knows"
+    assert network.told == 5, "and the engine, so that they take part in a back-off"
     network.opening = Opening.DUE
     assert [payload for payload, _ in network.due()] == [b"4"]
     assert network.intake.superseded() == {1: 4}

@@ -126,7 +126,7 @@ class QueueMachine(RuleBasedStateMachine):
 
     def _expire(self) -> None:
         """Forget what the queue forgets when it is asked at this instant."""
-        self.queue.due_at(self.now)
+        self.queue.settle(self.now)
         for kept in self.waiting.values():
             while kept and kept[0].expires_at is not None and kept[0].expires_at <= self.now:
                 kept.pop(0)

@@ -5,6 +5,7 @@ from typing import Any
 
 from tests.tools.boards import WAYS, full_board, full_view, put
 from zacoustic.app.tools.watch.board import MOST_NAMED, WINDOW_S, Board
+from zacoustic.app.tools.watch.views import WaitsView
 
 LINK = {"state": "up", "frames_transmitted": 1, "airtime_s": 6.0}
 NAV = {"id": 10, "name": "nav", "kind": "topic", "sent_at_unix_s": 990.0, "sent_period_s": 2.0,
@@ -42,6 +43,27 @@ def test_rates_slow_down_and_ages_grow_while_nothing_comes() -> None:
     stream = board.view(2).streams[0]
     assert (stream.heard_ago_s, stream.heard_rate_hz, stream.age_s) == (100.0, 0.01, 101.5)
     assert board.view(2).waiting == 3
+
+
+def test_word_of_a_frame_that_waits_holds_as_long_as_it_is_true() -> None:
+    clock = Clock()
+    board = board_at(clock)
+    assert board.view(2).waits is None
+    take(board, "link", LINK | {"waits": {"why": "slot", "until_unix_s": 1003.2}})
+    assert board.view(2).waits == WaitsView(why="slot", left_s=3.2)
+    clock.now_s += 4
+    assert board.view(2).waits == WaitsView(why="slot", left_s=0.0)
+    clock.now_s += 2
+    assert board.view(2).waits is None, "it is over, and the gateway has not told anything new"
+    take(board, "link", LINK | {"waits": {"why": "carrier", "until_unix_s": None}})
+    assert board.view(2).waits == WaitsView(why="carrier", left_s=None)
+    assert board.view(2).links[0].waits == WaitsView(why="carrier", left_s=None)
+    board.note_alive(2, is_alive=False)
+    assert board.view(2).waits is None, "nobody knows what a gateway does that is gone"
+    assert board.view(2).links[0].waits is None
+    board.note_alive(2, is_alive=True)
+    take(board, "link", LINK | {"waits": None})
+    assert board.view(2).waits is None
 
 
 def test_utilisation_is_that_of_the_window_once_it_was_watched() -> None:

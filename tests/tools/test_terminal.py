@@ -144,6 +144,12 @@ def test_what_keeps_frames_from_the_channel_is_said_first(
     assert words in drawn(changed)
 
 
+def test_why_the_next_frame_waits_stands_beside_what_waits() -> None:
+    assert "next frame waits" not in drawn()
+    link = {"state": "up", "waits": {"why": "carrier", "until_unix_s": None}}
+    assert "2 waiting   next frame waits: carrier" in drawn({"link": link})
+
+
 def test_gateway_of_an_older_version_is_shown_as_far_as_it_tells() -> None:
     told: dict[str, object] = {name: {} for name in DOCUMENTS if name != "link"}
     told["streams"] = {"streams": [{"id": 1, "name": "x", "transmitted": 4}]}

@@ -23,19 +23,19 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 samples, `outcomes` their ends over restarts; `contract` is for third-party
                 transports
 `relay`         frames of routes over other nodes: a `route`, a `flow` for each direction of it with
-                the frames in `custody`, the `gate` that gives its turns; `relay` is a source of the
-                composer; `prober` measures who hears whom, `paths` has changed paths; `flooding`
-                passes frames on without a route, as `flood` says; a `tunnel` is what both are
-                as links
+                the frames in `custody`, the `turns` that its trains take; `relay` is a source of
+                the composer; `prober` measures who hears whom, `paths` has changed paths;
+                `flooding` passes frames on without a route, as `flood` says; a `tunnel` is what
+                both are as links
 `bond`          several links used as one: `spec` lists them, `bonding` has a node's part,
                 `policy` chooses for each frame, `reach` tells whether a link reaches a node,
                 `outbox` is a source of the composer
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
                 `composer` and `filling` to `port` (`bulkwindow`, `othertrains`) to `transmitter`;
-                `access`, `airtime`, `silence` and `hosttime` decide when a frame goes; `timing`,
-                `pacers` and `copies` how often; `ways` tell how far a node is, `hopage` how long
-                a frame was on its way by other links; `replybudget` limits what another node
-                causes;
+                `gate` decides when a frame goes, by reasons of `port`, `access`, `airtime` and
+                `silence`, which needs `hosttime`; `timing`, `pacers` and `copies` how often; `ways`
+                tell how far a node is, `hopage` how long a frame was on its way by other links;
+                `replybudget` limits what another node causes;
                 `linkseal` closes a frame; `hearing` is what frames say about the medium; `sources`
                 and `savings` are what a frame is composed from beside the queue
 `peers`         what is known of each other node: `peers` has a `peer` for each, `states` their
@@ -57,7 +57,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 `encoding`, `age`
 `base`          `clock`, `timers`, `generators` of random numbers, `linktypes`, `linkids`,
                 `moments` that outlast a restart, `parts` of frames, `qos`, `journal`, `signals`,
-                `sizes`, `stats`, `trace`; `allowance` is what a silent node may cost
+                `sizes`, `stats`, `trace`; `allowance` is what a silent node may cost, `waits` has
+                the words why a frame waits
 ==============  ====================================================================================
 
 `clock` and `linktypes` are importable from here as well, for links.

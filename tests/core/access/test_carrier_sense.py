@@ -15,9 +15,12 @@ NOW = Wanted(0)
 
 
 def ready(access: CarrierSense, now: int, *, is_urgent: bool = False) -> int:
-    """Ask for a frame that has been due for long."""
-    ready_at = access.ready_at(Wanted(0, is_urgent), now)
+    """Ask for a frame that has been due for long, and let it wait."""
+    wanted = Wanted(0, is_urgent)
+    ready_at = access.ready_at(wanted, now)
     assert ready_at is not None
+    if ready_at > now:
+        access.handle_waiting(wanted, now)
     return ready_at
 
 
@@ -127,6 +130,14 @@ def test_sounds_between_two_nodes_widen_nothing() -> None:
             access.handle_heard(2, number * SLOT_NS + 1)
     access.handle_transmitted(100 * SLOT_NS)
     assert ready(access, 100 * SLOT_NS) <= 100 * SLOT_NS
+
+
+def test_to_ask_changes_nothing() -> None:
+    access = CarrierSense(LINK, random.Random(3))
+    access.handle_carrier(True, 0)
+    assert access.ready_at(NOW, 1) == 2 * LINK.airtime_ns(64)
+    access.handle_carrier(False, SLOT_NS)
+    assert access.ready_at(NOW, SLOT_NS) == 0, "no back-off: no frame waited"
 
 
 def test_urgent_frame_waits_for_the_end_of_the_carrier_only() -> None:

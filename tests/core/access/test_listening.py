@@ -19,6 +19,15 @@ GAP_NS = 90_400_000
 S = NS_PER_S
 
 
+class Exclusive:
+    """An object that has the channel to itself."""
+
+    is_exclusive = True
+
+    def has_fragment(self, now: int) -> bool:
+        return False
+
+
 class Talker:
     """Sends one frame after the other through a `Listening`."""
 
@@ -77,7 +86,7 @@ def test_no_run_of_frames_of_any_length_is_longer_than_four_seconds() -> None:
 
 def test_exclusive_transfer_and_urgent_frame_do_not_pause() -> None:
     talker = Talker()
-    talker.listening.exclusive = True
+    talker.listening.transfers = Exclusive()
     for _ in range(10):
         talker.send()
     assert talker.longest_run() > 9 * S

@@ -91,6 +91,7 @@ class Node:
             journal=self.journal,
             moments=Moments(stored),
         )
+        self.listening.transfers = _Exclusive(self.objects)
         self.objects.restore(stored, lambda order: "", lambda order, why, now: None)
         self.use_link(medium.capabilities)
 
@@ -155,6 +156,20 @@ class Node:
     def writes(self) -> list[JournalWrite]:
         """Take what is to be written."""
         return list(iter(self.journal.poll, None))
+
+
+class _Exclusive:
+    """The objects of a node, of which only the exclusive ones change its pauses."""
+
+    def __init__(self, objects: Objects) -> None:
+        self._objects = objects
+
+    @property
+    def is_exclusive(self) -> bool:
+        return self._objects.is_exclusive
+
+    def has_fragment(self, now: int) -> bool:
+        return False
 
 
 class Medium:
@@ -258,7 +273,6 @@ class Medium:
         due_at = node.objects.due_at(now)
         deadline_at = node.timers.next_at()
         if due_at is not None:
-            node.listening.exclusive = node.objects.is_exclusive
             due_at = max(due_at, now, node.free_at)
             due_at = node.listening.pauses_until(due_at, now, is_urgent=False)
             due_at = node.listening.invited_at(due_at) or due_at

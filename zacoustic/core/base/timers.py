@@ -9,7 +9,7 @@ Some instants depend on much that changes often, such as the pauses of all repet
 Their components only report that something has `changed`; the instant is computed once, when it is
 next needed.
 
-The instant of the next *frame* is no timer: `zacoustic.core.schedule.transmitter` computes it.
+The instant of the next *frame* is no timer: `zacoustic.core.schedule.gate` computes it.
 """
 
 import enum

@@ -51,6 +51,7 @@ from zacoustic.core.base.linktypes import (
 from zacoustic.core.base.qos import Override
 from zacoustic.core.base.sizes import SIZES, Sizes
 from zacoustic.core.base.trace import Tracer, TraceSink
+from zacoustic.core.base.waits import Waits
 from zacoustic.core.bond.bonding import BondStatus
 from zacoustic.core.engine.bondports import BondPorts
 from zacoustic.core.engine.commands import AwaitedSamples, GoalCommands, SubscriptionCommands
@@ -304,6 +305,14 @@ class Engine:
             self._events.append(JournalStateChanged(failure=failure, changed_at=now))
             self._trace.note(now, "journal", detail="fails" if failure else "works")
 
+    def handle_waiting(self, link: str, now: int) -> None:
+        """Record that samples wait outside of the engine until a link, route or bond is open.
+
+        Medium access then treats this node as one that has something to send.
+        """
+        self._now = now
+        self._stack(link).transmitter.handle_waiting(now)
+
     # Commands
 
     def declare(self, spec: StreamSpec, now: int) -> Stream:
@@ -534,6 +543,15 @@ class Engine:
     def link_of(self, stream_id: int) -> str:
         """Return the name of the link, route or bond that a stream uses."""
         return self._stack_of(stream_id).name
+
+    def waits(self, now: int, link: str | None = None) -> Waits | None:
+        """Return why the next frame waits; None: nothing waits, or it goes at once.
+
+        Args:
+            now: The instant, ns.
+            link: Name of the link, route or bond; None: the first.
+        """
+        return self._stack(link).transmitter.waits(now)
 
     def opening(self, link: str, now: int) -> Opening:
         """Return whether a link, route or bond can take a frame of records now."""

@@ -28,7 +28,7 @@ from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 CALLS: Final = (
     "handle_frame", "handle_transmit_report", "handle_link_state", "handle_carrier",
     "handle_clock", "handle_measurement", "handle_timeout", "handle_journal_committed",
-    "handle_journal_state",
+    "handle_journal_state", "handle_waiting",
     "poll_transmit", "poll_journal", "poll_event", "poll_timeout",
     "declare", "publish", "cancel_delivery", "refuse_object",
     "call", "cancel", "reply", "reply_error", "expire", "forget",

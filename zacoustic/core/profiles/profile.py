@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
+from zacoustic.core.base.waits import Why
 from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.context import Context
@@ -183,11 +184,6 @@ class Profile(ABC):
         return None
 
     @property
-    def is_exclusive(self) -> bool:
-        """Whether the transfer under way needs the channel to itself."""
-        return False
-
-    @property
     def goes_on(self) -> bool:
         """Whether its last frame has announced that another one follows at once."""
         return False
@@ -209,9 +205,9 @@ class Profile(ABC):
         """Make that frame, or return None."""
         return None
 
-    def has_fragment(self, now: int) -> bool:
-        """Return whether a fragment of an object is due, which fills its frame."""
-        return False
+    def held(self, now: int) -> tuple[int, Why] | None:
+        """Return until when waiting records are held before they ask for a frame, ns, and why."""
+        return self.queue.held(now)
 
     def hold(self, stream_id: int, until: int) -> None:
         """Hold everything of a stream until an instant, ns."""

@@ -52,8 +52,8 @@ from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.relay.custody import Custody, Stage
 from zacoustic.core.relay.flow import Flow
-from zacoustic.core.relay.gate import Gate
 from zacoustic.core.relay.route import Route
+from zacoustic.core.relay.turns import Turns
 from zacoustic.core.schedule.airtime import AirtimeAccount
 from zacoustic.core.schedule.hopage import UNBOUNDED, hop_age, made_before, travelled
 from zacoustic.core.schedule.sources import Forwarded
@@ -153,7 +153,7 @@ class Relay:
         self._hop: LinkCapabilities | None = None
         self._frame_ns = 0
         self._flows: dict[tuple[int, bool], Flow] = {}
-        self._gates: dict[int, Gate] = {}
+        self._turns: dict[int, Turns] = {}
         self._numbers, self._most_seen = sizes.hops, sizes.seen_hops
         self._next_seq: dict[int, int] = {}
         self._used: dict[int, int] = {}
@@ -172,8 +172,8 @@ class Relay:
         for is_back in (False, True):
             flow = _flow_at(self._address, route, is_back=is_back)
             self._flows.setdefault((number, is_back), flow)
-        if number not in self._gates:
-            self._gates[number] = Gate()
+        if number not in self._turns:
+            self._turns[number] = Turns()
             self._next_seq[number] = self._rng.randrange(self._numbers)
 
     def use(self, route_id: int, number: int, now: int) -> None:
@@ -210,7 +210,7 @@ class Relay:
                 self._end(flow, custody, now)
             self._timers.cancel(_key(flow))
             del self._flows[number, is_back]
-        del self._gates[number], self._next_seq[number]
+        del self._turns[number], self._next_seq[number]
         self._acks = {each: None for each in self._acks if each.route != number}
 
     def is_in_time(self, path: Route, route: Route) -> bool:
@@ -294,7 +294,7 @@ class Relay:
                 continue
             ready_at = now
             if not flow.is_in_train:
-                ready_at = self._gates[route].free_at(is_urgent=custody.is_urgent)
+                ready_at = self._turns[route].free_at(is_urgent=custody.is_urgent)
                 if not custody.is_own:
                     even_at = self._account.even_at(now) if even_at is None else even_at
                     ready_at = max(ready_at, even_at)
@@ -384,7 +384,7 @@ class Relay:
         flow = self._flow(number)
         if steps > 0:
             if steps == 1:
-                self._gate(number).overheard(
+                self._turns_of(number).overheard(
                     self._frame_ns, self._way_ns(flow), now, next_is_end=flow.next_is_end
                 )
             self._overheard(flow, decoded, now)
@@ -406,7 +406,7 @@ class Relay:
             if self._steps(number, source) <= 0:
                 continue
             self._hear(number, source)
-            flow, gate = self._flow(number), self._gate(number)
+            flow, gate = self._flow(number), self._turns_of(number)
             custody = flow.frames.get(number.seq)
             if custody is not None:
                 self._passed_on(flow, custody, now)
@@ -432,7 +432,7 @@ class Relay:
     def _take(self, flow: Flow, relayed: Relayed, frame: ReceivedFrame, now: int) -> str | None:
         """Take a frame of the node before; return why it is dropped, or None."""
         number = relayed.number
-        self._gate(number).received(self._frame_ns, now, more=relayed.more)
+        self._turns_of(number).received(self._frame_ns, now, more=relayed.more)
         is_end = flow.to_next is None
         custody = flow.frames.get(number.seq)
         if self._is_known(relayed, now):
@@ -494,8 +494,8 @@ class Relay:
     def _flow(self, number: Number) -> Flow:
         return self._flows[number.route, number.is_back]
 
-    def _gate(self, number: Number) -> Gate:
-        return self._gates[number.route]
+    def _turns_of(self, number: Number) -> Turns:
+        return self._turns[number.route]
 
     def _steps(self, number: Number, source: int) -> int:
         """Return how far along the path of a frame its sender is from here; 0: not in the path."""
@@ -521,11 +521,11 @@ class Relay:
             return []
         if self._account.even_at(now) > now:
             return []
-        return [each for each in self._acks if self._gate(each).free_at() <= now]
+        return [each for each in self._acks if self._turns_of(each).free_at() <= now]
 
     def _acks_at(self, now: int) -> int | None:
         """Return when hop acknowledgements are due, ns; None: there are none."""
-        earliest = min((self._gate(each).free_at() for each in self._acks), default=None)
+        earliest = min((self._turns_of(each).free_at() for each in self._acks), default=None)
         return None if earliest is None else max(earliest, self._account.even_at(now))
 
     def _next(self, now: int) -> tuple[Flow, Custody] | None:
@@ -540,7 +540,7 @@ class Relay:
                 return flow, custody
             if (
                 not (custody.is_own or may_forward)
-                or self._gates[route].free_at(is_urgent=custody.is_urgent) > now
+                or self._turns[route].free_at(is_urgent=custody.is_urgent) > now
             ):
                 continue
             if best is None or _rank(custody) < _rank(best[1]):
@@ -561,13 +561,13 @@ class Relay:
             sent = sum(each.stage is Stage.AWAITING for each in flow.frames.values())
             sent = 1 if awaits_urgent else sent  # the next node sends it on first
             pause_ns = 2 * self._way_ns(flow) + sent * self._frame_ns + _ANSWER_NS
-            self._gates[flow.route].transmitted(now + pause_ns)
+            self._turns[flow.route].transmitted(now + pause_ns)
             spread = _SPREAD * min(flow.vain, _MOST_SPREADS) * self._rng.random()
             drawn_ns = round(pause_ns * (1 + spread))
             drawn_ns += round(_SPREAD * self._frame_ns * self._rng.random())
             self._timers.at(_key(flow), now + drawn_ns, partial(self._overdue, flow))
         elif flow.is_awaiting and not is_awaiting:
-            self._gates[flow.route].answered(now)
+            self._turns[flow.route].answered(now)
             self._timers.cancel(_key(flow))
         flow.is_awaiting = is_awaiting
 
@@ -581,7 +581,7 @@ class Relay:
 
     def _again(self, flow: Flow, now: int, *, urgent_only: bool = False) -> None:
         """Let what was not heard further along wait again: the answer is over."""
-        self._gates[flow.route].answered(now)
+        self._turns[flow.route].answered(now)
         self._timers.cancel(_key(flow))
         for custody in flow.again(now, urgent_only=urgent_only):
             self._give_up(flow, custody, now)

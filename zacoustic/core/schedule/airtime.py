@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S
+from zacoustic.core.schedule.access.base import Wanted
 
 _SAVED_NS: Final = 600 * NS_PER_S
 """The share of this time can be saved up, ns."""
@@ -88,6 +89,9 @@ class AirtimeCaps:
                     held[stream_id] = even_at
         return held
 
-    def free_at(self, now: int) -> int:
-        """Return the instant from which the node may transmit frames that are not urgent, ns."""
-        return now if self._total is None else self._total.even_at(now)
+    def after_debt(self, wanted: Wanted, at: int, now: int) -> int:
+        """Return when the node's account is even, ns, or `at`; urgent frames do not wait."""
+        if self._total is None or wanted.is_urgent:
+            return at
+        even_at = self._total.even_at(now)
+        return max(at, even_at) if even_at > now else at

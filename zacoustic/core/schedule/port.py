@@ -23,8 +23,6 @@ import random
 from collections.abc import Callable
 from typing import Final
 
-import msgspec
-
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import (
     BROADCAST,
@@ -37,6 +35,7 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.parts import Part
 from zacoustic.core.base.signals import Signal
+from zacoustic.core.base.waits import Why
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.access import Listening, MediumAccess, Wanted, choose
@@ -137,8 +136,6 @@ class LinkPort:
     @property
     def _listens(self) -> bool:
         """Whether frames keep to listen windows."""
-        # A device that hears while it sends can always be reached; so can one whose airtime is
-        # waiting.
         return self.capabilities.half_duplex and not self.access.is_scheduled
 
     def peer_forgotten(self, address: int, now: int) -> None:
@@ -181,39 +178,48 @@ class LinkPort:
             return len(self._outstanding) <= MOST_OUTSTANDING
         return self._most_outstanding > MOST_OUTSTANDING
 
-    def free_at(self, wanted: Wanted, now: int) -> int | None:
-        """Return the instant from which a frame may start, ns; None: it depends on an input."""
-        if self.is_full and not (self.keeps_reserve and wanted.is_urgent):
-            return None
-        due_at, is_invited = max(wanted.due_at, self._gap_until), False
-        if now > self._bulk_pause_until:
-            due_at = max(due_at, self._free_of_bulk_at(wanted))
-        if self._listens:
-            goes_on = wanted.is_copy or wanted.is_in_train
-            due_at = self.listening.pauses_until(
-                due_at, now, is_urgent=wanted.is_urgent, goes_on=goes_on
-            )
-            follows = wanted.is_urgent or wanted.is_copy
-            invited_at = self.listening.invited_at(max(due_at, now), follows=follows)
-            if invited_at is not None:
-                due_at, is_invited = invited_at, True
-            else:
-                due_at = self.listening.listens_until(
-                    max(due_at, now), is_urgent=wanted.is_urgent, follows=follows
-                )
-        wanted = msgspec.structs.replace(
-            wanted, due_at=due_at, is_invited=is_invited, is_in_rhythm=self._is_in_rhythm(now)
-        )
+    # Reasons for which a frame waits; see `zacoustic.core.schedule.gate`
+
+    def after_gap(self, wanted: Wanted, at: int, now: int) -> int:
+        """Return the end of the gap that the device needs after its last frame, ns, or `at`."""
+        return max(at, self._gap_until)
+
+    def after_burst(self, wanted: Wanted, at: int, now: int) -> int:
+        """Return until when a node that sends this one much data hears nothing, ns, or `at`."""
+        if not self._bulk_run_until or now <= self._bulk_pause_until or wanted.is_for_others:
+            return at
+        if not wanted.is_urgent:
+            return max(at, self._bulk_run_until)
+        # What cannot ride back is perhaps heard by others, if that node does not hear it.
+        return max(at, self._bulk_heard[1] + _LONGEST_TRAIN_NS) if wanted.rides_back else at
+
+    def after_pause(self, wanted: Wanted, at: int, now: int) -> int:
+        """Return the end of an own pause, or when to start to arrive in a pause of others, ns."""
+        # A device that hears while it sends can always be reached; so can one whose airtime is
+        # waiting.
+        if self.access.is_scheduled:
+            return at
+        goes_on = wanted.is_copy or wanted.is_in_train
+        at = self.listening.pauses_until(at, now, is_urgent=wanted.is_urgent, goes_on=goes_on)
+        at = max(at, now)
+        follows = wanted.is_urgent or wanted.is_copy
+        invited_at = self.listening.invited_at(at, follows=follows)
+        if invited_at is not None:
+            wanted.is_invited = True
+            return invited_at
+        return self.listening.listens_until(at, is_urgent=wanted.is_urgent, follows=follows)
+
+    def by_access(self, wanted: Wanted, at: int, now: int) -> int | None:
+        """Return when medium access allows a frame, ns; None: it depends on an input."""
+        wanted.due_at = at
+        if self.access.is_apart:
+            wanted.is_in_rhythm = self._listens and self.listening.keeps_rhythm(now)
         return self.access.ready_at(wanted, now)
 
-    def _free_of_bulk_at(self, wanted: Wanted) -> int:
-        """Return the instant until which a node hears nothing that sends this one much data, ns."""
-        if wanted.is_for_others or not self._bulk_run_until:
-            return 0
-        if not wanted.is_urgent:
-            return self._bulk_run_until
-        # What cannot ride back is perhaps heard by others, if that node does not hear it.
-        return self._bulk_heard[1] + _LONGEST_TRAIN_NS if wanted.rides_back else 0
+    def why_not_by_access(self, wanted: Wanted, at: int, now: int) -> Why:
+        """Return for what medium access lets a frame wait."""
+        wanted.due_at = at
+        return self.access.why(wanted, now)
 
     @property
     def bulk_source(self) -> int:
@@ -244,16 +250,6 @@ class LinkPort:
     def ask_for_pause(self, now: int) -> None:
         """Record that a pause is asked for."""
         self._asked_for_pause_at = now
-
-    def _is_in_rhythm(self, now: int) -> bool:
-        return self._listens and self.listening.keeps_rhythm(now)
-
-    def speak_at(self, now: int) -> int | None:
-        """Return the instant at which medium access wants a frame of its own, ns, or None."""
-        if self.is_full:
-            return None
-        speak_at = self.access.speak_at(now)
-        return None if speak_at is None else max(speak_at, self._gap_until)
 
     def controls(
         self, room_bytes: int, has_bytes: Callable[[int], bool], now: int, *, has_object: bool

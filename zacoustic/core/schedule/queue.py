@@ -35,6 +35,7 @@ from zacoustic.core.base.moments import Made, instant_of
 from zacoustic.core.base.parts import Offer, Part
 from zacoustic.core.base.qos import NO_OVERRIDE, PATIENCE_NS, Override, Priority, Qos
 from zacoustic.core.base.stats import Cause
+from zacoustic.core.base.waits import Why
 from zacoustic.core.values.age import encode_age
 from zacoustic.errors import PayloadTooLargeError
 
@@ -231,6 +232,7 @@ class Lane:
         "_steady",
         "_unchanged",
         "destination",
+        "held_for",
         "held_until",
         "is_on",
         "items",
@@ -258,6 +260,8 @@ class Lane:
         """The destination of its last payload."""
         self.held_until = 0
         """Instant before which nothing of it goes, ns."""
+        self.held_for = Why.AIRTIME
+        """Why."""
         self.taken_at: int | None = None
         """Instant at which a payload went last that was no repetition, ns."""
         self.waits_since = 0
@@ -284,6 +288,18 @@ class Lane:
             return self.held_until
         return max(self.held_until, self.taken_at + self._min_interval_ns)
 
+    def hold(self, until: int, why: Why) -> None:
+        """Let nothing of it go before an instant, ns."""
+        if until > self.held_until:
+            self.held_until, self.held_for = until, why
+
+    @property
+    def why(self) -> Why:
+        """Why the first payload is no reason to send before `due_at`."""
+        if self.next_at <= self.waits_since + max(self.linger_ns, self._spread_ns):
+            return Why.LINGER
+        return self.held_for if self.next_at == self.held_until else Why.INTERVAL
+
     @property
     def rank(self) -> int:
         """The rank of the first payload: the smaller, the sooner."""
@@ -293,6 +309,13 @@ class Lane:
     def due_at(self) -> int:
         """The instant at which the first payload is a reason to send, ns."""
         return max(self.waits_since + max(self.linger_ns, self._spread_ns), self.next_at)
+
+    def first_at(self, now: int) -> Waiting | None:
+        """Return the first payload that has not expired, or None."""
+        for item in self.items:
+            if item.expires_at is None or item.expires_at > now:
+                return item
+        return None
 
     def add(self, item: Waiting) -> None:
         """Add a payload; a repetition goes before what waits for the minimum interval."""
@@ -367,6 +390,10 @@ class Lane:
         """Let the next payload wait for itself."""
         if self.items:
             self.waits_since = self.items[0].queued_at
+
+
+def _due_at(lane: Lane) -> int:
+    return lane.due_at
 
 
 def _is_repetition(item: Waiting) -> bool:
@@ -473,12 +500,12 @@ class TransmitQueue:
             lane = self._lanes[key] = Lane(
                 key, qos, self._overrides.get(key[:2], NO_OVERRIDE), self.spread
             )
-            lane.held_until = self._held.get(key[0], 0)
+            lane.hold(self._held.get(key[0], 0), Why.AIRTIME)
         self._busy[key] = lane
         lane.add(item)
         lane.destination = item.destination
         if item.is_reply:
-            lane.held_until = max(lane.held_until, self._replies_held.get(item.destination, 0))
+            lane.hold(self._replies_held.get(item.destination, 0), Why.REPLIES)
         if len(lane.items) > qos.depth:
             lane.drop_first()
             self.superseded[key[0]] = self.superseded.get(key[0], 0) + 1
@@ -488,14 +515,14 @@ class TransmitQueue:
         self._held[stream_id] = until
         for lane in self._lanes.values():
             if lane.key[0] == stream_id:
-                lane.held_until = max(lane.held_until, until)
+                lane.hold(until, Why.AIRTIME)
 
     def hold_replies(self, address: int, until: int) -> None:
         """Hold all replies to a node until an instant, ns."""
         self._replies_held[address] = until
         for lane in self._busy.values():
             if lane.destination == address and lane.items[0].is_reply:
-                lane.held_until = max(lane.held_until, until)
+                lane.hold(until, Why.REPLIES)
 
     def override(self, kind: LaneKey, override: Override) -> None:
         """Override the QoS of lanes.
@@ -632,14 +659,49 @@ class TransmitQueue:
             only: First parts of the lane keys to consider.
         """
         earliest: int | None = None
-        for lane in list(self._busy.values()):
-            if only and lane.key[: len(only)] != only:
+        for lane in self._busy.values():
+            if not lane.is_on or (only and lane.key[: len(only)] != only):
                 continue
-            if self._drop_expired(lane, now) and lane.is_on:
-                due_at = lane.due_at
-                if earliest is None or due_at < earliest:
-                    earliest = due_at
+            expires_at = lane.items[0].expires_at
+            if expires_at is not None and expires_at <= now and lane.first_at(now) is None:
+                continue
+            due_at = lane.due_at
+            if earliest is None or due_at < earliest:
+                earliest = due_at
         return earliest
+
+    def settle(self, now: int, only: LaneKey = ()) -> None:
+        """Drop expired payloads before a decision; to ask `due_at` drops nothing.
+
+        Args:
+            now: The instant.
+            only: First parts of the lane keys to consider.
+        """
+        for lane in list(self._busy.values()):
+            expires_at = lane.items[0].expires_at
+            if expires_at is None or expires_at > now:
+                continue
+            if lane.key[: len(only)] == only:
+                self._drop_expired(lane, now)
+
+    def held(self, now: int) -> tuple[int, Why] | None:
+        """Return from when the first payload is a reason to send, ns, and why not before, or None.
+
+        To ask drops nothing: what has expired does not count.
+        """
+        lanes = (lane for lane in self._busy.values() if lane.is_on and lane.first_at(now))
+        lane = min(lanes, key=_due_at, default=None)
+        return None if lane is None else (lane.due_at, lane.why)
+
+    def best(self, now: int) -> Waiting | None:
+        """Return the most valuable payload that may go now, or None; drops nothing."""
+        first: Lane | None = None
+        for lane in self._busy.values():
+            if not (lane.is_on and lane.first_at(now) and lane.next_at <= now):
+                continue
+            if first is None or (lane.rank, lane.key) < (first.rank, first.key):
+                first = lane
+        return None if first is None else first.first_at(now)
 
     def offer(self, now: int) -> Offer | None:
         """Offer the most valuable payload that is a reason to send."""

@@ -237,6 +237,13 @@ class Silence:
             return None
         return self._quiet_until(max(now, commanded_until)) if self._quiet else commanded_until
 
+    def after_silence(self, wanted: object, at: int, now: int) -> int | None:
+        """Return the end of the silence, ns, or `at`; None: no end is known."""
+        until = self.until(now)
+        if until is None:
+            return None
+        return max(at, until) if until > now else at
+
     def is_silent(self, now: int) -> bool:
         """Return whether nothing may be transmitted now."""
         until = self.until(now)

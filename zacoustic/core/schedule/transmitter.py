@@ -1,8 +1,8 @@
-"""When a frame goes and what it costs: the link, its access, silence and airtime caps.
+"""What goes when the gate is open, and what it costs.
 
 The instant of the next frame (`Transmitter.next_at`) is computed on demand and is not a timer: it
 depends on queue, port, medium access, caps and silence at that moment, and any input may change
-each of them.
+each of them (`zacoustic.core.schedule.gate`).
 """
 
 import enum
@@ -12,7 +12,6 @@ from typing import Final, Protocol
 import msgspec
 
 from zacoustic.core.base.linktypes import (
-    BROADCAST,
     ONE_LINK,
     LinkCapabilities,
     LinkState,
@@ -22,11 +21,13 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.core.base.stats import LinkStats
-from zacoustic.core.schedule.access import AccessState, Wanted
+from zacoustic.core.base.waits import Waits, Why
+from zacoustic.core.schedule.access import AccessState
 from zacoustic.core.schedule.airtime import AirtimeCaps
 from zacoustic.core.schedule.composer import Composed
+from zacoustic.core.schedule.gate import Gate, WaitingFrames
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
+from zacoustic.core.schedule.queue import LaneKey
 from zacoustic.core.schedule.replybudget import ReplyBudget
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.wire.envelope import Envelope
@@ -59,40 +60,11 @@ class AccessStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the link."""
 
 
-class FrameSource(Protocol):
+class FrameSource(WaitingFrames, Protocol):
     """The source of a node's frames, as the transmitter sees it."""
-
-    @property
-    def queue(self) -> TransmitQueue:
-        """The waiting records."""
-
-    @property
-    def is_exclusive(self) -> bool:
-        """Whether the object under way needs the channel to itself."""
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether its last frame has announced that another one follows at once."""
-
-    def has_fragment(self, now: int) -> bool:
-        """Return whether a fragment of an object is due, which fills its frame."""
 
     def hold(self, stream_id: int, until: int) -> None:
         """Hold everything of a stream until an instant, ns."""
-
-    def is_urgent(self, now: int) -> bool:
-        """Return whether something waits that goes before everything else."""
-
-    @property
-    def has_granted(self) -> bool:
-        """Whether a frame of another link waits that may go although the node is silent."""
-
-    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
-        """Make that frame, or return None."""
-
-    @property
-    def may_speak(self) -> bool:
-        """Whether the boot epoch is journalled, so that the node will not use it again."""
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make the envelope of the frames on a link."""
@@ -100,23 +72,17 @@ class FrameSource(Protocol):
     def use_link(self, port: LinkPort, now: int) -> None:
         """Set the link's airtimes, and drop what is too large for it."""
 
-    def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame should go, ns; None: nothing to send."""
-
     def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now, or return None."""
+
+    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
+        """Make the frame of another link that may go in silence, or return None."""
 
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
         """Make a frame of one lane's payloads, or return None."""
 
-    def bulk_due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame of the bulk service should go, ns, or None."""
-
     def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
         """Make a frame of the bulk service, or return None."""
-
-    def rides_back(self, address: int, now: int) -> bool:
-        """Return whether all that is urgent may go with what the device says to a node."""
 
     def ride_back(self, address: int, port: LinkPort, now: int) -> Composed | None:
         """Make a frame that goes with the acknowledgement of a node's bulk frames, or None."""
@@ -169,6 +135,8 @@ class Transmitter:
         """The last reported state of the link."""
         self.airtime = airtime
         """The airtime caps of streams and node."""
+        self._gate: Gate | None = None
+        """Decides when a frame goes; None before the link was up."""
         self._replies = replies
         self._source = source
         self._silence = silence
@@ -193,6 +161,8 @@ class Transmitter:
         if self.port is not None:
             self.port.close(now)
         self.port = port
+        is_up = self.link_state is LinkState.UP
+        self._gate = Gate(port, self._source, self._silence, self.airtime, is_up=is_up)
         self._tell_access(port, now)
         self._source.use_link(port, now)
 
@@ -210,6 +180,8 @@ class Transmitter:
     def change_state(self, state: LinkState, now: int) -> None:
         """Record a new state of the link."""
         self.link_state, self._up_at, self._frames_at_up = state, now, None
+        if self._gate is not None:
+            self._gate.is_up = state is LinkState.UP
         if state is LinkState.UP:
             self._frames_at_up = self._stats.frames_transmitted, self._stats.frames_received
 
@@ -236,26 +208,28 @@ class Transmitter:
         Returns:
             The transmission, and what it is made of; None: none may begin.
         """
-        port = self.port
-        if port is None:
+        port, gate, source = self.port, self._gate, self._source
+        if port is None or gate is None:
             return None
-        source = self._source
+        port.access.review(now)
         composed = None
         granted = self._silence.granted(now)
         if granted is not None:
-            if _is_over(self._last_word_at(granted, now), now):
+            if gate.opens_to_last_word(granted, now):
                 composed = source.compose_only(port, granted, now)
                 self._silence.use_grant()
-        elif (composed := self._ride_back(port, now)) is not None:
+        elif (address := gate.rides_back_to(now)) is not None and (
+            composed := source.ride_back(address, port, now)
+        ) is not None:
             pass  # better than a frame of its own, which may meet one of that node
-        elif _is_over(self._transmit_at(now), now):
+        elif gate.opens(now):
             composed = source.compose(port, now)
-        elif _is_over(self._granted_at(now), now):
+        elif gate.opens_to_granted(now):
             composed = source.compose_granted(port, now)
-        if composed is None and _is_over(self._speak_at(now), now):
+        if composed is None and gate.opens_to_access(now):
             composed = source.speak(port, now)
         service = Service.PLAIN
-        if composed is None and granted is None and _is_over(self._bulk_at(now), now):
+        if composed is None and granted is None and gate.opens_to_bulk(now):
             composed, service = source.compose_bulk(port, now), Service.BULK
         if composed is None:
             return None
@@ -281,19 +255,6 @@ class Transmitter:
                 source.queue.hold_replies(composed.caused_by, even_at)
         return transmission, composed
 
-    def _ride_back(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame to a node that sends this one much data, if anything waits."""
-        address = port.rides_back_to(now, is_urgent=self._source.is_urgent(now))
-        if address is None or self.link_state is not LinkState.UP or not self._source.may_speak:
-            return None
-        if not _is_over(self._source.due_at(now), now):
-            return None
-        if not _is_over(self._after_silence(now, now), now):
-            return None
-        if self.airtime.free_at(now) > now and not self._source.is_urgent(now):
-            return None
-        return self._source.ride_back(address, port, now)
-
     def finish(self, report: TransmitReport, now: int) -> bool:
         """Record the end of a transmission; return False if the report fits none under way."""
         is_bulk = self.port is not None and self.port.is_bulk(report)
@@ -306,25 +267,27 @@ class Transmitter:
 
     def next_at(self, now: int) -> int | None:
         """Return the instant from which a frame can and should go, ns, or None."""
-        granted = self._silence.granted(now)
-        if granted is not None:
-            return self._last_word_at(granted, now)
-        transmit_at, speak_at = self._transmit_at(now), self._speak_at(now)
-        if self._source.has_granted and self._silence.is_silent(now):
-            return self._granted_at(now)
-        if self.port is not None and self.port.bulk is not None:
-            instants = (transmit_at, speak_at, self._bulk_at(now))
-            return min((at for at in instants if at is not None), default=None)
-        if transmit_at is None or speak_at is None:
-            return speak_at if transmit_at is None else transmit_at
-        return min(transmit_at, speak_at)
+        return None if self._gate is None else self._gate.next_at(now)
+
+    def waits(self, now: int) -> Waits | None:
+        """Return why the next frame waits; None: nothing waits, or it goes at once."""
+        if self._gate is not None:
+            return self._gate.waits(now)
+        return Waits(why=Why.LINK, until=None) if self._source.held(now) else None
 
     def opening(self, now: int) -> Opening:
         """Return whether a frame goes now, or could if there were a record for it."""
-        if _is_over(self._transmit_at(now), now):
+        gate = self._gate
+        if gate is None:
+            return Opening.CLOSED
+        if gate.is_due(now):
             return Opening.DUE
-        is_open = _is_over(self._transmit_at(now, now), now)
-        return Opening.FREE if is_open else Opening.CLOSED
+        return Opening.FREE if gate.is_free(now) else Opening.CLOSED
+
+    def handle_waiting(self, now: int) -> None:
+        """Tell what holds the frames of this link that a record waits outside of the engine."""
+        if self._gate is not None:
+            self._gate.is_free(now, holds=True)
 
     def clock_doubt(self, now: int) -> str:
         """Return why a doubtful time keeps this node silent, one line; empty: it does not."""
@@ -339,6 +302,8 @@ class Transmitter:
     # Below the methods above
 
     def _review_access(self, now: int) -> None:
+        if self.port is not None:
+            self.port.access.review(now)
         state = self.access_state(now)
         if state is None or state.kind == self._access_kind:
             return
@@ -354,86 +319,3 @@ class Transmitter:
             port.access.handle_clock(known.offset_ns, known.error_at(now), now)
         elif self._offset_ns is not None:
             port.access.handle_clock(self._offset_ns, None, now)
-
-    def _transmit_at(self, now: int, due_at: int | None = None) -> int | None:
-        """Return when a frame of waiting records goes, ns, or None.
-
-        Args:
-            now: The instant.
-            due_at: Instant from which a record should go, ns; None: that of the waiting ones.
-        """
-        if self.link_state is not LinkState.UP or self.port is None:
-            return None
-        is_full = self.port.is_full
-        if is_full and not (self.port.keeps_reserve and self._source.is_urgent(now)):
-            return None
-        if not self._source.may_speak:
-            return None
-        due_at = self._source.due_at(now) if due_at is None else due_at
-        if due_at is None:
-            return None
-        self.port.listening.exclusive = self._source.is_exclusive
-        self.port.listening.sends_full = self._source.has_fragment(now)
-        is_urgent = self._source.is_urgent(now)
-        if not is_urgent:
-            even_at = self.airtime.free_at(now)
-            due_at = max(due_at, even_at) if even_at > now else due_at
-        source = self._source
-        wanted = Wanted(
-            due_at, is_urgent, is_copy=source.queue.has_copy, is_in_train=source.goes_on
-        )
-        if bulk_source := self.port.bulk_source:
-            wanted = self._beside_bulk(wanted, bulk_source, now)
-        return self._after_silence(self.port.free_at(wanted, now), now)
-
-    def _beside_bulk(self, wanted: Wanted, address: int, now: int) -> Wanted:
-        """Return what waits, as it concerns a node that sends this one much data."""
-        if wanted.is_urgent:
-            rides_back = self._source.rides_back(address, now)
-            return msgspec.structs.replace(wanted, rides_back=rides_back)
-        _, first = next(self._source.queue.candidates(now), (None, None))
-        is_for_others = first is not None and first.destination not in (BROADCAST, address)
-        return msgspec.structs.replace(wanted, is_for_others=is_for_others)
-
-    def _last_word_at(self, lane: LaneKey, now: int) -> int | None:
-        """Return the instant of the frame that a silence grants to a lane, ns."""
-        if self.link_state is not LinkState.UP or self.port is None:
-            return None
-        due_at = self._source.queue.due_at(now, lane)
-        return None if due_at is None else self.port.free_at(Wanted(due_at, is_urgent=True), now)
-
-    def _granted_at(self, now: int) -> int | None:
-        """Return the instant of a frame of another link that may go in silence, ns."""
-        if self.link_state is not LinkState.UP or self.port is None:
-            return None
-        if not self._source.has_granted or not self._silence.is_silent(now):
-            return None
-        return self.port.free_at(Wanted(now, is_urgent=True), now)
-
-    def _speak_at(self, now: int) -> int | None:
-        """Return when medium access wants a frame of its own, ns, or None."""
-        if self.link_state is not LinkState.UP or self.port is None:
-            return None
-        return self._after_silence(self.port.speak_at(now), now)
-
-    def _bulk_at(self, now: int) -> int | None:
-        """Return when a frame of the bulk service goes, ns, or None."""
-        port = self.port
-        if self.link_state is not LinkState.UP or port is None or not port.takes_bulk:
-            return None
-        if not self._source.may_speak:
-            return None
-        due_at = self._source.bulk_due_at(now)
-        if due_at is None:
-            return None
-        return self._after_silence(max(due_at, self.airtime.free_at(now)), now)
-
-    def _after_silence(self, instant: int | None, now: int) -> int | None:
-        silent_until = self._silence.until(now)
-        if instant is None or silent_until is None:
-            return None
-        return max(instant, silent_until) if silent_until > now else instant
-
-
-def _is_over(instant: int | None, now: int) -> bool:
-    return instant is not None and instant <= now

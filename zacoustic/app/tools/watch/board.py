@@ -55,6 +55,7 @@ from zacoustic.app.tools.watch.views import (
     RouteView,
     StreamView,
     TransferView,
+    WaitsView,
 )
 from zacoustic.app.tools.watch.ways import first_link
 from zacoustic.core.engine.events import DeliveryOutcome
@@ -62,6 +63,9 @@ from zacoustic.zenoh.requests.request import PREFIX
 
 WINDOW_S: Final = 60.0
 """The utilisation covers this time, s, once it was observed."""
+_OVERDUE_S: Final = 2.0
+"""A frame that should have gone this long ago does not count as waiting, s: a gateway publishes at
+most once a second."""
 MOST_NAMED: Final = 64
 """Most documents ``link/NAME`` of one gateway, most of each other kind with names, most hops."""
 _DAMAGED: Final = ("check", "short", "overlong", "stuffing")
@@ -224,7 +228,7 @@ class _GatewayBoard:
         )
         channel = self._get("channel", ChannelDocument)
         utilisation, window_s = self._utilisation(link, node, unix_s, there_s)
-        links, bonds = self._links(link), self._bonds()
+        links, bonds = self._links(link, there_s), self._bonds()
         capabilities = link.capabilities
         return GatewayView(
             unix_s=round(unix_s, 3),
@@ -261,6 +265,7 @@ class _GatewayBoard:
             utilisation=utilisation,
             window_s=round(window_s, 1),
             waiting=sum(row.waiting for row in streams.streams),
+            waits=self._waits(link, there_s),
             streams=tuple(self._stream(row, streams, dropped, there_s) for row in streams.streams),
             peers=self._peers(links, bonds, there_s),
             causes=self._causes(),
@@ -328,7 +333,19 @@ class _GatewayBoard:
             differs_at=tuple(each for d in streams.differ if d.id == row.id for each in d.peers),
         )
 
-    def _links(self, only: LinkDocument) -> tuple[LinkView, ...]:
+    def _waits(self, link: LinkDocument, there_s: float) -> WaitsView | None:
+        """Return why the next frame of a link waits, unless that is over, or the gateway gone."""
+        waits = link.waits
+        if waits is None or self._gone_at_s is not None:
+            return None
+        if waits.until_unix_s is None:
+            return WaitsView(why=waits.why, left_s=None)
+        left_s = waits.until_unix_s - there_s
+        if left_s < -_OVERDUE_S:
+            return None
+        return WaitsView(why=waits.why, left_s=round(max(0.0, left_s), 1))
+
+    def _links(self, only: LinkDocument, there_s: float) -> tuple[LinkView, ...]:
         """Return each of several links, or the only one."""
         named: dict[str, LinkDocument] = self._named("link") or {only.name: only}
         return tuple(
@@ -340,6 +357,7 @@ class _GatewayBoard:
                 frames_heard=link.frames_received,
                 airtime_s=round(link.airtime_s, 3),
                 paid=link.paid,
+                waits=self._waits(link, there_s),
             )
             for name, link in named.items()
         )

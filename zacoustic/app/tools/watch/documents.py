@@ -23,6 +23,13 @@ class Capabilities(msgspec.Struct, frozen=True, kw_only=True):
     bit_rate_bps: float | None = None
 
 
+class WaitsDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """Of ``link``: why its next frame waits."""
+
+    why: str = ""
+    until_unix_s: float | None = None
+
+
 class LinkDocument(msgspec.Struct, frozen=True, kw_only=True):
     """``link`` or ``link/NAME``: state and counters."""
 
@@ -31,6 +38,7 @@ class LinkDocument(msgspec.Struct, frozen=True, kw_only=True):
     detail: str = ""
     silent: bool = False
     why_silent: str = ""
+    waits: WaitsDocument | None = None
     capabilities: Capabilities | None = None
     frames_transmitted: int = 0
     frames_received: int = 0

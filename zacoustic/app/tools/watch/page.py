@@ -58,6 +58,7 @@ from zacoustic.app.tools.watch.words import (
     title_words,
     trouble_words,
     troubled_first,
+    waits_words,
 )
 from zacoustic.text.safetext import one_line
 
@@ -284,7 +285,9 @@ def link_rows(view: GatewayView) -> list[dict[str, Any]]:
         {
             "id": link.name,
             "link": one_line(link.name),
-            "state": one_line(f"{link.state}, {link.detail}" if link.detail else link.state),
+            "state": one_line(
+                ", ".join(filter(None, (link.state, link.detail, waits_words(link.waits))))
+            ),
             "sent": link.frames_sent,
             "heard": link.frames_heard,
             "airtime": f"{link.airtime_s:.1f} s"
@@ -416,7 +419,11 @@ def _figures(view: GatewayView) -> str:
     sent = f"{size_words(view.bytes_sent)}, {view.airtime_s:.0f} s"
     figures = [
         figure("on the air", share_words(view.utilisation), note=window, kind=busy),
-        figure("waiting", str(view.waiting), note="samples, calls, goals"),
+        figure(
+            "waiting",
+            str(view.waiting),
+            note=one_line(waits_words(view.waits)) or "samples, calls, goals",
+        ),
         figure("frames sent", str(view.frames_sent), note=sent),
         figure("frames heard", str(view.frames_heard), note=damaged or "none damaged",
                kind="warn" if damaged else ""),

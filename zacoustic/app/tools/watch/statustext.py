@@ -6,7 +6,13 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.columns import align, shortened, shortened_apart
-from zacoustic.app.tools.watch.views import CarryView, GatewayView, PeerView, StreamView
+from zacoustic.app.tools.watch.views import (
+    CarryView,
+    GatewayView,
+    PeerView,
+    StreamView,
+    WaitsView,
+)
 from zacoustic.app.tools.watch.ways import carried_words
 from zacoustic.app.tools.watch.words import (
     NOTHING,
@@ -21,6 +27,7 @@ from zacoustic.app.tools.watch.words import (
     time_words,
     title_words,
     trouble_words,
+    waits_words,
 )
 from zacoustic.text.safetext import one_line
 
@@ -88,6 +95,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Damaged ones among them."""
     waiting: int
     """Waiting samples, calls and goals."""
+    waits: WaitsView | None
+    """Why the next frame waits; None: nothing waits."""
     nodes: tuple[HeardNode, ...]
     """The other nodes, the last heard first."""
     carry: CarryView | None
@@ -115,6 +124,7 @@ def status_of(view: GatewayView) -> Status:
         frames_heard=view.frames_heard,
         frames_damaged=view.frames_damaged,
         waiting=view.waiting,
+        waits=view.waits,
         nodes=tuple(
             HeardNode(
                 address=peer.address,
@@ -157,8 +167,10 @@ def _lines(view: GatewayView, status: Status) -> Iterator[str]:
     damaged = f" ({status.frames_damaged} damaged)" if status.frames_damaged else ""
     counts = f"{status.frames_sent} frames sent, {status.frames_heard} heard{damaged}"
     yield f"  on air   {load_words(view)}; {counts}"
-    if status.waiting:
-        yield f"  waiting  {status.waiting} samples, calls and goals"
+    why = waits_words(status.waits)
+    waiting = f"{status.waiting} samples, calls and goals" if status.waiting else ""
+    if why or waiting:
+        yield f"  waiting  {'; '.join(filter(None, (waiting, why)))}"
     for node in status.nodes[:_MOST_NODES]:
         heard = "never heard" if node.heard_ago_s is None else f"{time_words(node.heard_ago_s)} ago"
         trouble = f", {node.trouble}" if node.trouble else ""

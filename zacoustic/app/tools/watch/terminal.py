@@ -53,6 +53,7 @@ from zacoustic.app.tools.watch.words import (
     title_words,
     transfer_words,
     trouble_words,
+    waits_words,
 )
 from zacoustic.text.safetext import one_line
 
@@ -166,6 +167,8 @@ def _head(view: GatewayView) -> RenderableType:
     damaged = f", {view.frames_damaged} damaged" if view.frames_damaged else ""
     line.append(f"   frames {view.frames_sent} sent, {view.frames_heard} heard{damaged}")
     line.append(f"   {view.waiting} waiting", style=_WEAK if view.waiting else "")
+    if view.waits is not None:
+        line.append_text(_cell(f"   {waits_words(view.waits)}", _WEAK))
     line.append_text(_cell(f"   {now_words(view)}" if view.transmitting else "", "cyan"))
     line.append_text(_cell(f"   journal {view.journal}, runs {time_words(view.uptime_s)}", _DIM))
     return Group(state, line, *_carried(view))
@@ -198,7 +201,7 @@ def _ways(view: GatewayView) -> list[RenderableType]:
 def _links(view: GatewayView) -> Table:
     table = _table("link", "state", right=("sent", "heard", "airtime"))
     for link in view.links:
-        words = f"{link.state}, {link.detail}" if link.detail else link.state
+        words = ", ".join(filter(None, (link.state, link.detail, waits_words(link.waits))))
         table.add_row(
             _cell(link.name or "link"),
             _cell(words, _GOOD if link.state == "up" else _BAD),

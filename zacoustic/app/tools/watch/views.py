@@ -56,6 +56,15 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     """Nodes that define it otherwise: it is stopped between them."""
 
 
+class WaitsView(msgspec.Struct, frozen=True, kw_only=True):
+    """Why the next frame of a link waits."""
+
+    why: str
+    """One word, as in docs/monitoring.md."""
+    left_s: float | None
+    """Time until it goes if nothing else happens, s; None: something must happen first."""
+
+
 class LinkView(msgspec.Struct, frozen=True, kw_only=True):
     """A link of the gateway."""
 
@@ -73,6 +82,8 @@ class LinkView(msgspec.Struct, frozen=True, kw_only=True):
     """Airtime of the frames sent, s."""
     paid: float | None = None
     """What they cost, in the currency of the tariff; None: it has none."""
+    waits: WaitsView | None = None
+    """Why its next frame waits; None: nothing waits."""
 
 
 class RouteView(msgspec.Struct, frozen=True, kw_only=True):
@@ -353,6 +364,8 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """Observed time, s."""
     waiting: int
     """Waiting samples, calls and goals of all streams."""
+    waits: WaitsView | None = None
+    """Why the next frame of the first link waits; None: nothing waits, or the gateway is gone."""
     streams: tuple[StreamView, ...]
     """The streams by id."""
     peers: tuple[PeerView, ...]

@@ -10,6 +10,7 @@ from zacoustic.app.tools.watch.views import (
     PeerView,
     StreamView,
     TransferView,
+    WaitsView,
 )
 
 NOTHING: Final = "–"
@@ -136,6 +137,14 @@ def is_well(view: GatewayView) -> bool:
     """Tell whether nothing prevents transmission."""
     is_up = view.is_alive and view.link_state == "up"
     return is_up and not view.is_silent and not view.is_shared and view.journal in ("kept", "none")
+
+
+def waits_words(waits: WaitsView | None) -> str:
+    """Return why the next frame of a link waits, and for how long; empty: nothing waits."""
+    if waits is None:
+        return ""
+    left = "" if waits.left_s is None else f", {time_words(waits.left_s)} more"
+    return f"next frame waits: {waits.why}{left}"
 
 
 def load_words(view: GatewayView) -> str:

@@ -13,6 +13,7 @@ from typing import Final
 
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
+from zacoustic.core.base.waits import Why
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.handshake import SETTLING_UNITS, latest_ns, unit_ns
 from zacoustic.core.peers.heartbeats import Heartbeats
@@ -204,11 +205,6 @@ class Protocols(Profile):
         return super().is_idle and self.objects.is_idle
 
     @property
-    def is_exclusive(self) -> bool:
-        """Whether the transfer under way needs the channel to itself."""
-        return self.objects.is_exclusive
-
-    @property
     def goes_on(self) -> bool:
         """Whether its last frame has announced that another one follows at once."""
         return self._relay is not None and self._relay.goes_on
@@ -236,9 +232,12 @@ class Protocols(Profile):
         """Return whether an acknowledgement or feedback waits."""
         return self.queue.has_acknowledgement or self.objects.owes_answer(now)
 
-    def has_fragment(self, now: int) -> bool:
-        """Return whether a fragment of an object is due, which fills its frame."""
-        return self.objects.has_fragment(now)
+    def held(self, now: int) -> tuple[int, Why] | None:
+        """Return until when waiting records are held, ns, and why: also for an awaited answer."""
+        held, answered_at = super().held(now), self.objects.hold_until(now)
+        if held is None or held[0] >= answered_at or self.is_urgent(now):
+            return held
+        return answered_at, Why.ANSWER
 
     def hold(self, stream_id: int, until: int) -> None:
         """Hold everything of a stream until an instant, ns."""
@@ -340,6 +339,7 @@ class Protocols(Profile):
         self._context.pacers.times = times
         meets_others = capabilities.half_duplex and has_pauses
         self._context.queue.spread.most_ns = _SPREAD_FRAMES * times.longest_ns * meets_others
+        port.listening.transfers = self.objects
         port.hole_begins.connect(self._context.pacers.hole_begins)
         self.topics.use_link(times, settling_ns)
         self.services.use_link(times, latest_ns(settling_ns))

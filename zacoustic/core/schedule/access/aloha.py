@@ -19,6 +19,7 @@ from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.waits import Why
 from zacoustic.core.schedule.access.backoff import BackOff
 from zacoustic.core.schedule.access.base import MediumAccess, Wanted
 from zacoustic.core.schedule.access.networktime import NetworkTime
@@ -57,6 +58,12 @@ class Aloha(MediumAccess):
             return now
         earliest = max(due_at, now) + offset_ns
         return -(-earliest // self._slot_ns) * self._slot_ns - offset_ns
+
+    def why(self, wanted: Wanted, now: int) -> Why:
+        """Return whether it waits for a back-off or a slot."""
+        ready_at = self.ready_at(wanted, now)
+        is_slotted = ready_at != max(wanted.due_at, self._resume_at)
+        return Why.SLOT if wanted.is_urgent or is_slotted else Why.BACK_OFF
 
     def handle_outcome(self, arrived: bool, now: int) -> None:
         """Back off after a loss."""

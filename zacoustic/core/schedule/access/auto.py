@@ -16,6 +16,7 @@ them, but what it sends may meet what it does not hear yet. `AccessState` says w
 
 from typing import Final
 
+from zacoustic.core.base.waits import Why
 from zacoustic.core.schedule.access.base import AccessState, Arrival, MediumAccess, Wanted
 from zacoustic.core.schedule.access.tdma import Tdma
 from zacoustic.core.wire.access import AccessControl
@@ -48,18 +49,31 @@ class Auto(MediumAccess):
         """Whether the schedule is in use."""
         return not self._why
 
+    @property
+    def is_apart(self) -> bool:
+        """Whether what is in use separates own frames."""
+        return bool(self._why) and self._otherwise.is_apart
+
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
         """Return when a frame may start by what is in use."""
-        self._review(now)
         if not self._why:
             return self._schedule.ready_at(wanted, now)
         if self._schedule.is_alone(now) and not wanted.is_urgent:
             return wanted.earliest(now) + self._schedule.cycle_ns
-        if self._doubted_at is not None and not wanted.is_urgent:
-            patient_until = self._doubted_at + _PATIENCE_CYCLES * self._schedule.cycle_ns
-            if now < patient_until:
-                return patient_until
+        if now < self._patient_until and not wanted.is_urgent:
+            return self._patient_until
         return self._otherwise.ready_at(wanted, now)
+
+    def why(self, wanted: Wanted, now: int) -> Why:
+        """Return for what a frame waits by what is in use."""
+        if not self._why:
+            return self._schedule.why(wanted, now)
+        return Why.CLOCK if self._hesitates(wanted, now) else self._otherwise.why(wanted, now)
+
+    def handle_waiting(self, wanted: Wanted, now: int) -> None:
+        """Record that a frame waits for what is in use."""
+        if self._why and not self._hesitates(wanted, now):
+            self._otherwise.handle_waiting(wanted, now)
 
     def speak_at(self, now: int) -> int | None:
         """Return when the node whose clock all follow sends the time, ns, or None."""
@@ -84,7 +98,7 @@ class Auto(MediumAccess):
     def handle_arrival(self, arrival: Arrival, now: int) -> None:
         """Compare the instant of a frame with the slots of its sender."""
         self._schedule.handle_arrival(arrival, now)
-        self._review(now)
+        self.review(now)
 
     def handle_outcome(self, arrived: bool, now: int) -> None:
         """Record whether a frame arrived; a loss in a slot is no reason to back off."""
@@ -95,26 +109,23 @@ class Auto(MediumAccess):
         """Take the host's time."""
         self._schedule.handle_clock(offset_ns, error_ns, now)
         self._otherwise.handle_clock(offset_ns, error_ns, now)
-        self._review(now)
+        self.review(now)
 
     def handle_control(
         self, source: int, control: AccessControl, started_at: int, error_ns: int, now: int
     ) -> None:
         """Take the time that the reference node sends."""
         self._schedule.handle_control(source, control, started_at, error_ns, now)
-        self._review(now)
+        self.review(now)
 
     def state(self, now: int) -> AccessState | None:
         """Return what is in use, and why it is not the schedule."""
-        self._review(now)
         state = self._schedule.state(now)
         if state is None or not self._why:
             return state
         return AccessState(method=self._method, why=self._why, faults=state.faults)
 
-    # Below the methods above
-
-    def _review(self, now: int) -> None:
+    def review(self, now: int) -> None:
         """Choose, by what is known now."""
         doubt = self._schedule.clock_doubt(now)
         is_new = doubt != self._doubt
@@ -124,3 +135,17 @@ class Auto(MediumAccess):
             self._was_sure, self._doubted_at = True, None
         elif self._was_sure and is_new:
             self._doubted_at = now
+
+    # Below the methods above
+
+    @property
+    def _patient_until(self) -> int:
+        """Until when this node waits because a known time is in doubt, ns; 0: it does not."""
+        if self._doubted_at is None:
+            return 0
+        return self._doubted_at + _PATIENCE_CYCLES * self._schedule.cycle_ns
+
+    def _hesitates(self, wanted: Wanted, now: int) -> bool:
+        """Return whether a frame waits for a better time and not for what is in use."""
+        is_alone = self._schedule.is_alone(now)
+        return not wanted.is_urgent and (is_alone or now < self._patient_until)

@@ -6,7 +6,8 @@ turns, a clock reference sends the time. Their controls take three to eight byte
 anyway (`controls`) or in one of their own (`speak_at`).
 
 A policy owns no timer. The engine asks `ready_at` again after every input, and calls the policy at
-an instant that it returned.
+an instant that it returned. To ask changes nothing: what a policy must know of waiting frames comes
+by `handle_waiting`.
 """
 
 import enum
@@ -15,11 +16,12 @@ from abc import ABC, abstractmethod
 import msgspec
 
 from zacoustic.core.base.linktypes import BROADCAST
+from zacoustic.core.base.waits import Why
 from zacoustic.core.wire.access import AccessControl
 
 
-class Wanted(msgspec.Struct, frozen=True):
-    """A frame that is waiting to go."""
+class Wanted(msgspec.Struct):
+    """A frame that is waiting to go, on its way through the gate."""
 
     due_at: int
     """Instant from which it should go, ns; may have passed."""
@@ -115,12 +117,29 @@ class MediumAccess(ABC):
         """Whether it gives all nodes turns, so that no node needs listen windows."""
         return False
 
+    @property
+    def is_apart(self) -> bool:
+        """Whether it separates own frames, except for those in a rhythm (`Wanted.is_in_rhythm`)."""
+        return False
+
     @abstractmethod
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
         """Return the instant at which a frame may start, ns; at or before `now`: at once.
 
         None: it depends on an input that has not come yet, such as the end of a carrier.
         """
+
+    def why(self, wanted: Wanted, now: int) -> Why:
+        """Return for what a frame waits that may not start now by `ready_at`."""
+        return Why.SLOT
+
+    def handle_waiting(  # noqa: B027  a policy may ignore it
+        self, wanted: Wanted, now: int
+    ) -> None:
+        """Record that a frame waits for this policy now, and for nothing before it."""
+
+    def review(self, now: int) -> None:  # noqa: B027  a policy may ignore it
+        """Choose by what is known now; called before each decision."""
 
     def speak_at(self, now: int) -> int | None:
         """Return the instant at which `controls` should go without any payload, ns, or None."""
@@ -188,3 +207,7 @@ class TurnAccess(MediumAccess):
     def is_scheduled(self) -> bool:
         """Whether it gives all nodes turns: yes."""
         return True
+
+    def why(self, wanted: Wanted, now: int) -> Why:
+        """Return for what a frame waits: this node's turn."""
+        return Why.TURN

@@ -29,6 +29,7 @@ from typing import Final
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.waits import Why
 from zacoustic.core.schedule.access.backoff import BackOff
 from zacoustic.core.schedule.access.base import MediumAccess, Wanted
 from zacoustic.core.schedule.access.fairshare import never
@@ -75,6 +76,11 @@ class CarrierSense(MediumAccess):
         self._gave_frame = True
         """Whether the present or last sound gave a frame."""
 
+    @property
+    def is_apart(self) -> bool:
+        """Whether the back-off separates own frames only: none of them waited for a carrier."""
+        return self._is_apart
+
     def ready_at(self, wanted: Wanted, now: int) -> int | None:
         """Return the end of the back-off, or of the longest possible carrier."""
         if wanted.is_invited:
@@ -87,9 +93,15 @@ class CarrierSense(MediumAccess):
             follows = wanted.is_in_rhythm or wanted.is_copy or wanted.is_in_train
             is_free = follows and self._is_apart
             clear_at = 0 if is_free else self._idle_since + self._left_ns
-        if wanted.due_at <= now < clear_at:
-            self._waits = True
         return max(wanted.due_at, clear_at)
+
+    def why(self, wanted: Wanted, now: int) -> Why:
+        """Return whether it waits for a carrier or a back-off."""
+        return Why.BACK_OFF if self._busy_since is None else Why.CARRIER
+
+    def handle_waiting(self, wanted: Wanted, now: int) -> None:
+        """Record that a frame waits: it takes part in the back-off."""
+        self._waits = True
 
     def handle_carrier(self, busy: bool, now: int) -> None:
         """Record the carrier; at its end, draw a back-off if a frame waited for it."""

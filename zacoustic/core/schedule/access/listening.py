@@ -18,7 +18,7 @@ pass it to `heard_pause` at the other end; `end_run` informs this end.
 An announced rhythm is kept until nothing was transmitted for more than a period: while an answer is
 awaited it continues, and the next run begins in the middle of a run period. A smaller frame, such
 as a report among the fragments of a photo, leaves no room for a whole number of fragments: the last
-fragment waits until it ends with the run, so that it can announce the pause (`sends_full`). If none
+fragment waits until it ends with the run, so that it can announce the pause (`_last_at`). If none
 fits, the pause is longer: it begins when the last frame ends, and ends as planned. Such a frame
 does not announce a pause (`frames_before_pause`).
 
@@ -42,14 +42,14 @@ All this is between two nodes. Where a node knows of more, it *rests* after each
 time (`zacoustic.core.schedule.access.fairshare`): nobody tells of pauses, nor aims at them, and the
 copies of an emergency go at random times as well.
 
-`exclusive` switches this node's pauses off, for a transfer that has the channel to itself by
-agreement. Policies with turns (TDMA, polling) need no windows: in the turns of others this node is
+An exclusive object switches this node's pauses off: it has the channel to itself by agreement.
+Policies with turns (TDMA, polling) need no windows: in the turns of others this node is
 silent. Nor do devices that hear while they send; DESERT counts as one, since its airtime is mostly
 waiting, with a few hundredths of sound.
 """
 
 from collections.abc import Callable
-from typing import Final
+from typing import Final, Protocol
 
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.base.linktypes import LinkCapabilities
@@ -77,6 +77,17 @@ that one of several copies arrives whole wherever their receiver is."""
 _GOLDEN_RATIO: Final = 0.618
 
 
+class Transfers(Protocol):
+    """The objects that a node sends, as far as its pauses are concerned."""
+
+    @property
+    def is_exclusive(self) -> bool:
+        """Whether one has the channel to itself, so that there are no pauses."""
+
+    def has_fragment(self, now: int) -> bool:
+        """Return whether a fragment is due: it fills its frame, and may announce a pause."""
+
+
 class Listening(OtherRuns):
     """The pauses of this node and of others.
 
@@ -89,11 +100,8 @@ class Listening(OtherRuns):
         super().__init__(capabilities)
         self._share = share
         self._least_rest_ns = _LEAST_REST_WINDOWS * self.pause_ns
-        self.sends_full = False
-        """Whether the waiting payloads fill frames, and announce a pause if one ends with the
-        run."""
-        self.exclusive = False
-        """Whether a transfer has the channel to itself, so that there are no pauses."""
+        self.transfers: Transfers | None = None
+        """The objects that this node sends; None: it sends none."""
         self._run_begun_at = 0
         self._last_ended_at: int | None = None
         self._is_announced = False
@@ -134,12 +142,12 @@ class Listening(OtherRuns):
             is_urgent: Its content is urgent.
             goes_on: The last frame has announced that it follows, or it is a copy of that one.
         """
-        if self._last_ended_at is None or self.exclusive or is_urgent:
+        if self._last_ended_at is None or is_urgent or self._is_exclusive:
             return due_at
         if self._share is not None and self.is_crowd and not goes_on:
             due_at = max(due_at, self._share.rests_until)
         at = max(due_at, now)
-        paused_until = self._own_pause_end(at)
+        paused_until = self._own_pause_end(at, now)
         return paused_until if paused_until > at else due_at
 
     def comfort_ns(self, now: int, *, is_copy: bool = False) -> int | None:
@@ -171,11 +179,11 @@ class Listening(OtherRuns):
 
     def keeps_rhythm(self, now: int) -> bool:
         """Return whether a frame that starts now belongs to an object or to a told run."""
-        return self.sends_full or self.exclusive or self._is_told(now)
+        return self._is_told(now) or self._sends_full(now) or self._is_exclusive
 
     def ends_run_now(self, now: int) -> bool:
         """Return whether a largest frame that starts now is the last of several in a run."""
-        has_pauses = self._frames > 1 and not self.exclusive
+        has_pauses = self._frames > 1 and not self._is_exclusive
         return has_pauses and self.frames_before_pause(now) == 1
 
     def end_run(self) -> None:
@@ -199,7 +207,9 @@ class Listening(OtherRuns):
             has_object: An object is being sent. Its fragments have no room for a TURN, so any other
                 frame with room carries one, in every run.
         """
-        if self.exclusive or room_bytes < TURN_BYTES or not self._follows(now) or self.is_crowd:
+        if room_bytes < TURN_BYTES or not self._follows(now):
+            return b""
+        if self._is_exclusive or self.is_crowd:
             return b""
         begins_anew = not self._continues(now)
         runs = 1 if has_object else ANNOUNCED_RUNS
@@ -354,6 +364,13 @@ class Listening(OtherRuns):
 
     # Below the methods above
 
+    @property
+    def _is_exclusive(self) -> bool:
+        return self.transfers is not None and self.transfers.is_exclusive
+
+    def _sends_full(self, now: int) -> bool:
+        return self.transfers is not None and self.transfers.has_fragment(now)
+
     def _heard_sound(self, began_at: int, now: int) -> None:
         """Record that a sound has ended; a few of a largest frame's length in a row are a full run.
 
@@ -420,13 +437,13 @@ class Listening(OtherRuns):
             ended_at = max(ended_at, self._run_begun_at + self._run_ns)
         return now - ended_at < self.pause_ns + self._latest_ns
 
-    def _own_pause_end(self, at: int) -> int:
+    def _own_pause_end(self, at: int, now: int) -> int:
         """Return the end of the own pause that must precede a frame at `at`, ns, or less."""
         assert self._last_ended_at is not None
         if self._continues(at):
             run_ends_at = self._run_begun_at + self._run_ns
             if self._fits(run_ends_at, at):
-                return max(at, self._last_at(run_ends_at, at))
+                return max(at, self._last_at(run_ends_at, at, now))
             # No node counts on an end of the run that was not announced.
             told_at = run_ends_at if self._is_told(at) else 0
             return max(self._last_ended_at, told_at) + self.pause_ns
@@ -437,17 +454,18 @@ class Listening(OtherRuns):
             if at >= run_ends_at or (self._keeps_phase and not self._fits(run_ends_at, at)):
                 return begin_at + self.period_ns
             pause_until = max(pause_until, begin_at)
-            return max(self._heard_out_until(pause_until), self._last_at(run_ends_at, at))
+            last_at = self._last_at(run_ends_at, at, now)
+            return max(self._heard_out_until(pause_until), last_at)
         return self._heard_out_until(pause_until)
 
-    def _last_at(self, run_ends_at: int, at: int) -> int:
+    def _last_at(self, run_ends_at: int, at: int, now: int) -> int:
         """Return when the last full frame of an announced run starts to end with the run, ns, or 0.
 
         Other frames of the run have left no room for a whole number of full ones. The pause begins
         after this frame, which announces it.
         """
         last_at = run_ends_at - self._largest_ns
-        is_last = self.sends_full and self._is_told(at) and at + self._unit_ns > last_at
+        is_last = at + self._unit_ns > last_at and self._is_told(at) and self._sends_full(now)
         return last_at if is_last else 0
 
     def _fits(self, run_ends_at: int, at: int) -> bool:

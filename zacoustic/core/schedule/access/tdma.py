@@ -37,6 +37,7 @@ from typing import Final
 
 from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.waits import Why
 from zacoustic.core.schedule.access.base import AccessState, Arrival, TurnAccess, Wanted
 from zacoustic.core.schedule.access.networktime import NetworkTime
 from zacoustic.core.schedule.access.slotwatch import SlotWatch, Window
@@ -107,6 +108,10 @@ class Tdma(TurnAccess):
         # Whoever drives the engine states the time again before that instant, if possible.
         error_ns = self._time.error_at(now)
         return None if error_ns is None or error_ns > self._error_limit_ns else ready_at
+
+    def why(self, wanted: Wanted, now: int) -> Why:
+        """Return whether it waits for a slot, or for the time."""
+        return Why.CLOCK if self.clock_doubt(now) else Why.SLOT
 
     def speak_at(self, now: int) -> int | None:
         """Return when to send the time in a frame of its own, ns, or None."""

@@ -205,6 +205,8 @@ class Intake:
             link = engine.link_of(stream_id)
             if link not in openings:
                 openings[link] = engine.opening(link, now)
+                if openings[link] is Opening.CLOSED:
+                    engine.handle_waiting(link, now)
             opening = openings[link]
             # If the one before waits, the link is free of it: it lingers, or is thinned out.
             is_due = opening is Opening.DUE or (

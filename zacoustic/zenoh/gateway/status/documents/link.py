@@ -167,6 +167,7 @@ class LinkStatus:
             "detail": side.detail,
             "silent": bool(why_silent),
             "why_silent": why_silent,
+            "waits": self._waits(name),
             **self._access(name),
             "capabilities": self._engine.capabilities_of(name),
             "diagnostics": side.link.diagnostics(),
@@ -191,6 +192,13 @@ class LinkStatus:
         """Return what the schedule of a link does; nothing if it has none."""
         state = self._engine.access_state(name)
         return {} if state is None else {"access": msgspec.to_builtins(state)}
+
+    def _waits(self, name: str) -> dict[str, object] | None:
+        """Return why the next frame of a link waits, and until when; None: nothing waits."""
+        waits = self._engine.waits(self._clock(), name)
+        if waits is None:
+            return None
+        return {"why": waits.why.value, "until_unix_s": self._date(waits.until)}
 
     def _why_silent(self) -> str:
         """Return why nothing is transmitted; empty: no command does it, and the time is known."""

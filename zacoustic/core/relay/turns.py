@@ -16,7 +16,7 @@ SLACK_NS: Final = NS_PER_S // 2
 """Time in which a node that has received a train begins to transmit it, ns."""
 
 
-class Gate:
+class Turns:
     """The turns of one route at one node."""
 
     __slots__ = ("_answered_until", "_heard", "_heard_until", "_held_until", "_received_until")
