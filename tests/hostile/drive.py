@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any, Final
 
 from tests.hostile import fleet, foreign
-from tests.hostile.oracle import Given, Oracle
+from tests.hostile.oracle import FLOODED_S, Given, Oracle
 from tests.hostile.scenario import LONGEST_REST_S, Hostile
 from tests.virtual.sealed import SealedFleet
 from tests.virtual.twolinks import RADIO, RADIO_MODEM, SOUND
@@ -87,12 +87,13 @@ class Drive:
         setting = hostile.setting
         self.ends = setting.ends or hostile.addresses
         of_nodes = setting.rules.values() if isinstance(setting.rules, dict) else [setting.rules]
-        routes = [route for rules in of_nodes for route in rules.routes]
+        lifetimes_s = [route.longest_s for rules in of_nodes for route in rules.routes]
+        lifetimes_s += [rules.flood.hops * FLOODED_S for rules in of_nodes if rules.flood]
         self.oracle = Oracle(
             self.ends,
             doubles=bool(faults.duplicate) or is_foreign,
             strangers=is_foreign,
-            lifetime_s=max((each.longest_s for each in routes), default=0.0),
+            lifetime_s=max(lifetimes_s, default=0.0),
         )
         self._early: list[tuple[int, Event]] | None = []
         top = max(hostile.addresses) + 1

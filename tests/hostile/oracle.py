@@ -17,7 +17,8 @@ killed asks for its goals again, with the whole time-out: no clock is trusted ov
 COPIED_S: Final = 35.0
 """Time within which a best-effort sample may come again after a restart of its receiver, s. Copies
 of an urgent one go for 30 s, as docs/wire.md says; and one frame is slow. On a route the first node
-tries for its lifetime, and each hop for its part of that."""
+tries for its lifetime, and each hop for its part of that. A flood has `FLOODED_S` for each hop."""
+FLOODED_S: Final = 60.0
 
 
 class Given(msgspec.Struct):
@@ -48,7 +49,7 @@ class Oracle:
     Args:
         addresses: All nodes.
         doubles: Best-effort samples may come twice: the modem hands frames over twice.
-        lifetime_s: The longest lifetime of a route, s.
+        lifetime_s: The longest lifetime of a frame on routes and floods, s.
         strangers: Another fleet has the same addresses. Frames that do not say whose they are, as
             most do once two nodes know each other, are taken for those of this fleet until frames
             are sealed: what strangers give is ignored here, an ACK of theirs is believed, and so is
