@@ -15,7 +15,7 @@ LINKS: Final = sorted(path.name for path in (ROOT / "links").glob("zacoustic_*")
 PACKAGES: Final = [ROOT / "zacoustic", *(ROOT / "links" / name for name in LINKS)]
 SOURCES: Final = sorted(path for package in PACKAGES for path in package.rglob("*.py"))
 
-LINES_MAX: Final = 730
+LINES_MAX: Final = 750
 """Lines of a file; a longer one has two nouns in it. One noun is not cut by a ruler."""
 REFUSED_NAMES: Final = {
     "common", "helper", "helpers", "manager", "managers", "misc", "util", "utils",

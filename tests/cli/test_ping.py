@@ -16,7 +16,7 @@ from zacoustic.app.cli.use.ping import _text
 from zacoustic.app.tools.field.pinging import Ping, statistics_of
 from zacoustic.core.engine.events import CallFailed, CallFailure
 from zacoustic.core.linktypes import LinkState
-from zacoustic.zenoh.requests.desk import Asking, Desk
+from zacoustic.zenoh.requests.context import Asking, RequestContext
 from zacoustic.zenoh.requests.ping import PingAnswer, PingAsked, _Ping
 
 ONCE = ["--count", "1"]
@@ -166,8 +166,8 @@ def test_a_ping_says_that_the_link_is_down() -> None:
     for sides in ([down], [down, up]):
         runner: Any = SimpleNamespace(sides=sides)
         nobody: Any = None
-        desk = Desk(runner, nobody, clock=lambda: 0, utc_ns=lambda: 0)
-        asking: Asking[PingAsked, PingAnswer] = Asking(desk, held, 2, PingAsked(), 5.0)
+        context = RequestContext(runner, nobody, clock=lambda: 0, utc_ns=lambda: 0)
+        asking: Asking[PingAsked, PingAnswer] = Asking(context, held, 2, PingAsked(), 5.0)
         event = CallFailed(call_id=1, stream_id=0, failure=CallFailure.TIMED_OUT, text="")
         _Ping(asking, 0).take(event)
     why = "node 2 has not answered: the link is down, connection refused"

@@ -46,7 +46,7 @@ from zacoustic.zenoh.gateway.streams.kept import KeptSamples
 from zacoustic.zenoh.gateway.streams.matching import MatchingSubscribers
 from zacoustic.zenoh.gateway.streams.services import Services
 from zacoustic.zenoh.gateway.streams.topics import Topics
-from zacoustic.zenoh.requests.desk import Desk
+from zacoustic.zenoh.requests.context import RequestContext
 from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
 
@@ -102,7 +102,9 @@ class Composition:
         self._frames = FrameLog(parts.table, lambda: self._runner.engine, unix_s=self._dates.unix_s)
         # A gateway that must act when it hears nobody cannot do that while it is not running.
         self._runner = node.make_runner(self._trace, waits_for_link=bool(self._lost_contact))
-        self._desk = Desk(self._runner, self._ends, clock=self._clock, utc_ns=self._wall_clock)
+        self._context = RequestContext(
+            self._runner, self._ends, clock=self._clock, utc_ns=self._wall_clock
+        )
         self._dialects = make_dialects(zenoh_session, self._input_errors, self._wake_up.ring)
         self._queries = QueryHandler(
             zenoh_session.worker, self._wake_up.ring, limit=QUERIES_LIMIT, closed_text=STOPPING_TEXT
@@ -140,16 +142,16 @@ class Composition:
             tell=self._announcer.tell,
         )
         status = self._status(streams, routes, objects, lost_contact)
-        notices = EventNotices(self._table, self._desk)
+        notices = EventNotices(self._table, self._context)
         return GatewaySession(
             self._node,
             self._runner,
             network,
             streams=streams,
-            requests=RequestHandler(self._desk, self._redundant, status.health),
+            requests=RequestHandler(self._context, self._redundant, status.health),
             status=status,
             dispatcher=EventDispatcher(
-                streams, self._desk, objects, network, status, notices, lost_contact
+                streams, self._context, objects, network, status, notices, lost_contact
             ),
             lost_contact=lost_contact,
         )

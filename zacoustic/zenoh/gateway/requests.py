@@ -9,7 +9,7 @@ from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import LocalError
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.status.health import Health
-from zacoustic.zenoh.requests.desk import Asking, Desk
+from zacoustic.zenoh.requests.context import Asking, RequestContext
 from zacoustic.zenoh.requests.request import Request
 from zacoustic.zenoh.requests.table import REQUESTS
 from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
@@ -20,13 +20,15 @@ class RequestHandler:
     """Takes the requests to one gateway; for the loop, except for `declare` and `undeclare`.
 
     Args:
-        desk: The gateway, for engine calls.
+        context: The gateway, for engine calls.
         redundant: The local gateways.
         health: Answers with the current state.
     """
 
-    def __init__(self, desk: Desk, redundant: RedundantGateways, health: Health) -> None:
-        self.desk = desk
+    def __init__(
+        self, context: RequestContext, redundant: RedundantGateways, health: Health
+    ) -> None:
+        self.context = context
         self._redundant = redundant
         self._health = health
         self._declared: list[zenoh.Queryable[None]] = []
@@ -62,8 +64,8 @@ class RequestHandler:
             question, within_s = request.read(key, target[1], parameters)
             if request.not_here and node in self._redundant.alive:
                 raise ValueError(f"node {node} is on this local network: {request.not_here}")
-            asking: Asking[Any, Any] = Asking(self.desk, held, node, question, within_s)
-            self.desk.runner.apply(partial(request.begin, asking))
+            asking: Asking[Any, Any] = Asking(self.context, held, node, question, within_s)
+            self.context.runner.apply(partial(request.begin, asking))
         except (ValueError, LocalError) as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
 

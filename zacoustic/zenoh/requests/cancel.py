@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from zacoustic.text.digits import whole_number
-from zacoustic.zenoh.requests.desk import Asking
+from zacoustic.zenoh.requests.context import Asking
 from zacoustic.zenoh.requests.request import Parameter, Request
 
 if TYPE_CHECKING:

@@ -31,7 +31,7 @@ from zacoustic.core.streams.commands import (
 )
 from zacoustic.run.permitlog import utc_text
 from zacoustic.text.digits import real_number
-from zacoustic.zenoh.requests.desk import Asking, Desk
+from zacoustic.zenoh.requests.context import Asking, RequestContext
 from zacoustic.zenoh.requests.request import FLAG, Parameter, Request, one_of, seconds
 
 if TYPE_CHECKING:
@@ -61,14 +61,14 @@ class SilenceState(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
 
     @classmethod
     def of(
-        cls, desk: Desk, node: int, stream_id: int | None, state: CommandState
+        cls, context: RequestContext, node: int, stream_id: int | None, state: CommandState
     ) -> "SilenceState":
         """Return the answer that a node's state is."""
         until_utc, why = None, ""
         if state.left_s is not None:
-            until_utc = utc_text(desk.utc_ns() + seconds_to_ns(state.left_s))
-        if node == desk.engine.address:
-            why = desk.engine.clock.doubt or desk.engine.silence.state(desk.clock()).doubt
+            until_utc = utc_text(context.utc_ns() + seconds_to_ns(state.left_s))
+        if node == context.engine.address:
+            why = context.engine.clock.doubt or context.engine.silence.state(context.clock()).doubt
         return cls(
             address=node,
             silent=state.silent or bool(why),
@@ -111,10 +111,12 @@ class StreamState(msgspec.Struct, frozen=True, kw_only=True):
     """Zenoh's priority."""
 
     @classmethod
-    def of(cls, desk: Desk, node: int, stream_id: int | None, state: CommandState) -> "StreamState":
+    def of(
+        cls, context: RequestContext, node: int, stream_id: int | None, state: CommandState
+    ) -> "StreamState":
         """Return the answer that a node's state of a topic is."""
         assert stream_id is not None
-        stream = desk.engine.table.get(stream_id)
+        stream = context.engine.table.get(stream_id)
         return cls(
             address=node,
             stream=stream_id,
@@ -141,14 +143,14 @@ class StreamState(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def _begin(
-    answer_of: Callable[[Desk, int, int | None, CommandState], A],
+    answer_of: Callable[[RequestContext, int, int | None, CommandState], A],
     asking: Asking[RemoteCommand, A],
     engine: "Engine",
     now: int,
 ) -> None:
     """Execute a command for this node, or send it to another one."""
     command, node = asking.question, asking.node
-    answer = partial(answer_of, asking.desk, node, command.stream_id)
+    answer = partial(answer_of, asking.context, node, command.stream_id)
     if node == engine.address:
         engine.commands.execute(command, now, lambda state: asking.answer(answer(state)))
         return

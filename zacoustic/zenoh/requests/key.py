@@ -12,7 +12,7 @@ from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.streams.keydelivery import KEYS_TIMEOUT_S, WRAPPED_BYTES
 from zacoustic.core.wire.seal import LONG_HEAD_BYTES, STRONG_TAG_BYTES
 from zacoustic.text.digits import whole_number
-from zacoustic.zenoh.requests.desk import Asking
+from zacoustic.zenoh.requests.context import Asking
 from zacoustic.zenoh.requests.request import Parameter, Request
 
 if TYPE_CHECKING:

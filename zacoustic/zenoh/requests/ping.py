@@ -22,7 +22,7 @@ from zacoustic.core.streams.commands import COMMANDS_TIMEOUT_S, RemoteCommand
 from zacoustic.core.streams.status import STATUS_STREAM_ID, NodeStatus
 from zacoustic.errors import LocalError, RangeUnavailableError
 from zacoustic.run.pending import CallEnd
-from zacoustic.zenoh.requests.desk import Asking
+from zacoustic.zenoh.requests.context import Asking
 from zacoustic.zenoh.requests.request import FLAG, Request
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ class _Ping:
 
     def __init__(self, asking: Asking[PingAsked, PingAnswer], asked_at: int) -> None:
         self._asking = asking
-        self._desk = asking.desk
+        self._context = asking.context
         self._node = asking.node
         self._asked_at = asked_at
         self._round_trip_s: float | None = None
@@ -140,7 +140,7 @@ class _Ping:
             if not self._range(within_s, engine, now):
                 raise LocalError(f"{error}, and the modem measures no range") from None
         else:
-            self._desk.ends.add(call_id, self.take)
+            self._context.ends.add(call_id, self.take)
 
     def take(self, end: CallEnd) -> None:
         """Take the node's answer."""
@@ -150,22 +150,22 @@ class _Ping:
             else:
                 self._asking.fail(end)
             return
-        now = self._desk.clock()
+        now = self._context.clock()
         if isinstance(end, ResponseReceived) and end.stream_id == STATUS_STREAM_ID:
             self._status, self._status_age_s = NodeStatus.from_wire(end.value), end.age_s
             self._answered_at = now
         self._round_trip_s = ns_to_seconds(now - self._asked_at)
         left_s = min(self._asking.within_s - self._round_trip_s, RANGE_LIMIT_S)
-        known = self._desk.engine.measurements.range(self._node)
+        known = self._context.engine.measurements.range(self._node)
         has_range = known is not None and known.measured_at >= self._asked_at
-        if has_range or left_s <= 0 or not self._desk.runner.apply(partial(self._range, left_s)):
+        if has_range or left_s <= 0 or not self._context.runner.apply(partial(self._range, left_s)):
             self._answer()
 
     # Below the methods above
 
     def _why_down(self) -> str:
         """Return that no link is up, and why; empty: one is."""
-        sides = self._desk.runner.sides
+        sides = self._context.runner.sides
         if any(side.state is LinkState.UP for side in sides):
             return ""
         return ", ".join([LINK_DOWN, *(side.detail for side in sides if side.detail)])
@@ -176,7 +176,7 @@ class _Ping:
             range_id = engine.ranging.request(self._node, now, timeout_s=within_s)
         except (LocalError, RangeUnavailableError):
             return False
-        self._desk.ranges.add(range_id, self._take_range)
+        self._context.ranges.add(range_id, self._take_range)
         return True
 
     def _take_range(self, event: RangeMeasured | RangeFailed) -> None:
@@ -186,7 +186,7 @@ class _Ping:
             self._answer()
 
     def _answer(self) -> None:
-        engine, known = self._desk.engine, self._desk.engine.measurements
+        engine, known = self._context.engine, self._context.engine.measurements
         metrics = known.metrics(self._node) or LinkMetrics()
         answer = PingAnswer(
             address=self._node,
@@ -201,7 +201,7 @@ class _Ping:
                 answer,
                 propagation_s=_rounded(measured.propagation_s, 6),
                 range_m=_rounded(measured.range_m),
-                range_age_s=_rounded(measured.age_s(self._desk.clock())),
+                range_age_s=_rounded(measured.age_s(self._context.clock())),
             )
         if self._status is not None:
             status = self._compared(self._status, answer.propagation_s)
@@ -210,7 +210,7 @@ class _Ping:
 
     def _compared(self, said: NodeStatus, propagation_s: float | None) -> PeerStatus:
         """Return the reported status of the node, compared with the values here."""
-        here, age_s = self._desk.engine.status.own(self._answered_at), self._status_age_s
+        here, age_s = self._context.engine.status.own(self._answered_at), self._status_age_s
         ahead_s = doubt_s = None
         if said.utc_s is not None and here.utc_s is not None and age_s is not None:
             # If no range is known, the status was at most half of the round trip on its way.

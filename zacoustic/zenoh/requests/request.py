@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Final, Generic, NamedTuple, TypeVar
 import msgspec
 
 from zacoustic.text.digits import real_number, whole_number
-from zacoustic.zenoh.requests.desk import Asking
+from zacoustic.zenoh.requests.context import Asking
 
 if TYPE_CHECKING:
     from zacoustic.core.engine.engine import Engine

@@ -11,7 +11,7 @@ import msgspec
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.streams.routing import ROUTING_TIMEOUT_S
 from zacoustic.core.wire.routing import RoutingAnswer, RoutingKind, RoutingRequest
-from zacoustic.zenoh.requests.desk import Asking
+from zacoustic.zenoh.requests.context import Asking
 from zacoustic.zenoh.requests.request import NUMBER, Parameter, Request, one_of
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def _begin(asking: Asking[RoutingRequest, RoutingReport], engine: "Engine", now:
     request, node = asking.question, asking.node
 
     def report(answer: RoutingAnswer) -> RoutingReport:
-        return RoutingReport.of(asking.desk.engine, node, answer)
+        return RoutingReport.of(asking.context.engine, node, answer)
 
     if node == engine.address:
         engine.routing.execute(request, now, lambda answer, at: asking.answer(report(answer)))

@@ -34,7 +34,7 @@ from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.documents.objects import Objects
 from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
-from zacoustic.zenoh.requests.desk import Desk
+from zacoustic.zenoh.requests.context import RequestContext
 
 _HEARD_ELSEWHERE = (
     DeliveryStored,
@@ -53,7 +53,7 @@ class EventDispatcher(Dispatcher):
 
     Args:
         streams: Take samples, received calls and goals.
-        desk: Has the requests that wait for calls and ranges.
+        context: Has the requests that wait for calls and ranges.
         objects: Take progress of objects.
         network: Sees engines restart, and peers go and come.
         status: Records the rest, and emits notices.
@@ -64,14 +64,14 @@ class EventDispatcher(Dispatcher):
     def __init__(
         self,
         streams: StreamHandlers,
-        desk: Desk,
+        context: RequestContext,
         objects: Objects,
         network: LocalNetwork,
         status: Status,
         notices: EventNotices,
         lost_contact: LostContactActions,
     ) -> None:
-        self._desk = desk
+        self._context = context
         self._status = status
         self._notices = notices
         super().__init__(
@@ -98,10 +98,10 @@ class EventDispatcher(Dispatcher):
         )
 
     def _answer(self, event: CallEnd) -> None:
-        self._desk.ends.take(event.call_id, event)
+        self._context.ends.take(event.call_id, event)
 
     def _take_range(self, event: RangeMeasured | RangeFailed) -> bool:
-        return self._desk.ranges.take(event.range_id, event)
+        return self._context.ranges.take(event.range_id, event)
 
     def _fail_range(self, event: RangeFailed) -> None:
         if not self._take_range(event):

@@ -57,7 +57,7 @@ from zacoustic.zenoh.gateway.notices import (
     TopicOverridden,
 )
 from zacoustic.zenoh.requests.commands import SilenceState
-from zacoustic.zenoh.requests.desk import Desk
+from zacoustic.zenoh.requests.context import RequestContext
 
 
 class EventNotices:
@@ -65,13 +65,13 @@ class EventNotices:
 
     Args:
         table: All streams.
-        desk: The gateway.
+        context: The gateway.
     """
 
-    def __init__(self, table: StreamTable, desk: Desk) -> None:
+    def __init__(self, table: StreamTable, context: RequestContext) -> None:
         self._table = table
-        self._desk = desk
-        self._runner = desk.runner
+        self._context = context
+        self._runner = context.runner
 
     def of(self, event: Event) -> Notice | None:
         """Return the notice of an event; None: it is not worth one."""
@@ -86,11 +86,11 @@ class EventNotices:
         return LinkChanged(state=event.state.value, detail=detail, link=event.link)
 
     def _silence(self, event: SilenceChanged) -> Notice:
-        desk, left_s = self._desk, None
+        context, left_s = self._context, None
         if event.ends_at is not None:
-            left_s = ns_to_seconds(event.ends_at - desk.clock())
+            left_s = ns_to_seconds(event.ends_at - context.clock())
         state = CommandState(silent=event.is_silent, commanded=event.is_commanded, left_s=left_s)
-        said = SilenceState.of(desk, desk.engine.address, None, state)
+        said = SilenceState.of(context, context.engine.address, None, state)
         return SilenceJournalled(
             silent=said.silent, until_utc=said.until_utc or "", doubt=event.doubt
         )

@@ -19,7 +19,7 @@ Q = TypeVar("Q")
 A = TypeVar("A", bound=msgspec.Struct)
 
 
-class Desk:
+class RequestContext:
     """The engine of one gateway, its clocks, and who waits for what; for the loop.
 
     Args:
@@ -53,7 +53,7 @@ class Asking(Generic[Q, A]):
     """A request that waits for its answer; `answer` or `refuse` ends it.
 
     Args:
-        desk: The gateway.
+        context: The gateway.
         held: The query.
         node: Address of the node that is asked.
         question: The question.
@@ -61,9 +61,9 @@ class Asking(Generic[Q, A]):
     """
 
     def __init__(
-        self, desk: Desk, held: "HeldQuery", node: int, question: Q, within_s: float
+        self, context: RequestContext, held: "HeldQuery", node: int, question: Q, within_s: float
     ) -> None:
-        self.desk = desk
+        self.context = context
         self.node = node
         self.question = question
         self.within_s = within_s
@@ -95,7 +95,7 @@ class Asking(Generic[Q, A]):
             else:
                 self.answer(answer)
 
-        self.desk.ends.add(call_id, take)
+        self.context.ends.add(call_id, take)
 
     def fail(self, end: CallFailed, *, maybe: str = "") -> None:
         """Tell the asker that the node has not done it; `maybe` as in `wait`."""
