@@ -25,6 +25,8 @@ S2C = "evologics_s2c_18_34"
 SLOWER = 20.0
 """Time scale at which a refusal is in time for its sender's listen window on a busy computer too.
 One that comes too late is heard in the next window, after the whole photo."""
+LATE_S = 60.0
+"""Time limit of a test with such a refusal, s: the whole photo takes 18."""
 PHOTO = random.Random("photo").randbytes(20_000)
 STREAM: dict[str, Any] = {
     "id": 140,
@@ -137,7 +139,7 @@ def test_a_subscriber_refuses_it() -> None:
                 assert await delivery is DeliveryOutcome.REFUSED
                 assert delivery.missing == (2,)
 
-    run(main())
+    run(main(), limit_s=LATE_S)
 
 
 def test_a_subscriber_takes_less() -> None:
@@ -151,7 +153,7 @@ def test_a_subscriber_takes_less() -> None:
                 assert await delivery is DeliveryOutcome.REFUSED
                 assert delivery.detail == "2: 2"
 
-    run(main())
+    run(main(), limit_s=LATE_S)
 
 
 def test_blocking() -> None:
@@ -169,8 +171,8 @@ def test_blocking() -> None:
                 if isinstance(event, ObjectProgress) and event.state is ObjectState.UNDER_WAY
             )
             assert auv.refuse(next(told))
-            assert first.wait(timeout_s=60) is DeliveryOutcome.REFUSED
+            assert first.wait(timeout_s=LATE_S) is DeliveryOutcome.REFUSED
             second.cancel()
-            assert second.wait(timeout_s=60) is DeliveryOutcome.CANCELLED
+            assert second.wait(timeout_s=LATE_S) is DeliveryOutcome.CANCELLED
             assert first.progress is not None
             assert first.progress.state is ObjectState.REFUSED
