@@ -6,7 +6,7 @@ Format and lint of the whole tree come first, since they take a second. Then two
 side: types and import contracts, and the tests of what changed. A test file belongs to a changed
 module if it imports it, directly or over at most `DEPTH` modules; the import graph says so, no
 table. A file that is no module belongs to the test files that name it. Nearest test files run
-first, until their recorded durations fill `--seconds`; what is left out is said.
+first, until their recorded durations fill `--seconds`; the output names the others.
 
 Exit code: 0 all passed, 1 something failed, 2 the command line or the repository is not usable.
 """
@@ -65,9 +65,9 @@ class Near(msgspec.Struct, frozen=True, order=True):
     distance: int
     """Imports in between; 0: the file itself changed."""
     is_elsewhere: bool
-    """Whether its folder has the name of no room that changed."""
+    """Whether no changed room has the name of its folder."""
     others: int
-    """What else it imports, in modules: a test of one thing comes before a test of many."""
+    """Number of its other imports: a test of one module comes before a test of many."""
     path: str
 
 

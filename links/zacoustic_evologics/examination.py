@@ -315,7 +315,7 @@ def _of_gain(reply: CommandReply | None, config: EvologicsConfig) -> Iterator[Fi
     gain = reply.value if config.gain is None else config.gain
     if gain != NORMAL_GAIN:
         yield Finding(
-            what=f"gain of the receiver is {gain}, low: that of a tank",
+            what=f"gain of the receiver is {gain}, low, as for a tank",
             why="in water it hears only who is near",
             cure="gain=0 in the locator, or AT!G0 in the modem; deck=true where it is in air",
         )

@@ -130,6 +130,14 @@ def test_a_relay_without_airtime_holds_no_frame_for_longer_than_its_hop_may_take
     assert max(held_ns) / 1e9 < hop_s + 2.0
 
 
+def test_who_has_passed_a_frame_on_arms_no_timer_for_it() -> None:
+    line = LineOfFive(0.0)
+    line.network.at(10.0, partial(line.publish, FIX, b"report"))
+    line.network.run(until_s=60.0)
+    assert line.values(FIX) == [b"report"]
+    assert all(line.network.engine(each).is_idle for each in (1, *RELAYS))
+
+
 def test_calls_and_goals_run_once_and_end_once(count: Callable[[int], int]) -> None:
     """Relays are killed, and the channel repeats frames as late as a route lives."""
     each = count(1000)

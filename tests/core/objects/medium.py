@@ -159,7 +159,7 @@ class Node:
 
 
 class _Exclusive:
-    """The objects of a node, of which only the exclusive ones change its pauses."""
+    """Objects of a node; only exclusive ones change its pauses."""
 
     def __init__(self, objects: Objects) -> None:
         self._objects = objects

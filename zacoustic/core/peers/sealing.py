@@ -155,7 +155,7 @@ class Seal:
         self._safe: dict[Way, Mark] = {}
         """and those of them that it has written."""
         self._heard_lives: dict[int, int] = {}
-        """The newest life of each node that was heard in this life of ours."""
+        """The life of each other node as it was heard last."""
         self._floors: dict[int, int] = {}
         """The newest start of each source."""
         self._recover(stored)

@@ -195,6 +195,7 @@ class Relay:
             for seq, custody in list(old.frames.items()):
                 if custody.is_own and not custody.tries:
                     del old.frames[seq]
+                    self._timers.cancel(_expiry_key(custody))
                     moved = Number(number, is_back, self._take_seq(number, new))
                     custody.relayed = msgspec.structs.replace(custody.relayed, number=moved)
                     self._hold(new, custody)
@@ -406,12 +407,12 @@ class Relay:
             if self._steps(number, source) <= 0:
                 continue
             self._hear(number, source)
-            flow, gate = self._flow(number), self._turns_of(number)
+            flow, turns = self._flow(number), self._turns_of(number)
             custody = flow.frames.get(number.seq)
             if custody is not None:
                 self._passed_on(flow, custody, now)
             if source == flow.to_next:
-                gate.received(self._frame_ns, now, more=acks.more)
+                turns.received(self._frame_ns, now, more=acks.more)
                 if flow.next_is_end and flow.is_awaiting and number == acks.numbers[-1]:
                     self._again(flow, now)
 
@@ -464,10 +465,8 @@ class Relay:
 
     def _hold(self, flow: Flow, custody: Custody) -> None:
         """Take a frame into custody."""
-        number = custody.number
-        flow.frames[number.seq] = custody
-        key = Due.CUSTODY, number.route, number.is_back, number.seq
-        self._timers.at(key, custody.expires_at, partial(self._expire, custody))
+        flow.frames[custody.number.seq] = custody
+        self._timers.at(_expiry_key(custody), custody.expires_at, partial(self._expire, custody))
 
     def _expire(self, custody: Custody, now: int) -> None:
         """Give up a frame that waits for too long: another node may take it for a new one.
@@ -595,6 +594,7 @@ class Relay:
     def _end(self, flow: Flow, custody: Custody, now: int) -> None:
         """End the custody of a frame."""
         del flow.frames[custody.number.seq]
+        self._timers.cancel(_expiry_key(custody))
         if custody.ended is not None:
             custody.ended(now)
         self._settle(flow, now)
@@ -640,6 +640,11 @@ def _flow_at(address: int, route: Route, *, is_back: bool) -> Flow:
     further = path[path.index(address) + 1 :]
     to_next = further[0] if further else None
     return Flow(route.route_id, to_next, is_back=is_back, next_is_end=len(further) == 1)
+
+
+def _expiry_key(custody: Custody) -> tuple[Due, int, bool, int]:
+    number = custody.number
+    return Due.CUSTODY, number.route, number.is_back, number.seq
 
 
 def _key(flow: Flow) -> tuple[Due, int, bool]:
