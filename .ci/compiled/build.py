@@ -35,10 +35,11 @@ PLAIN: Final = (
     "zacoustic/channel/modems.py",
     "zacoustic/core/engine/engine.py",
     "zacoustic/core/transport/contract.py",
-    # A recording replaces methods of their objects: `zacoustic.core.engine.tap`.
+    # A tap replaces methods of their objects: `zacoustic.core.engine.tap`.
     "zacoustic/core/transport/actions/actions.py",
     "zacoustic/core/transport/subscriptions/subscriptions.py",
     "zacoustic/core/transport/commands/commands.py",
+    "zacoustic/core/transport/keydelivery.py",
     "zacoustic/core/peers/ranging.py",
     "zacoustic/core/schedule/silence.py",
     "zacoustic/core/transport/routing.py",

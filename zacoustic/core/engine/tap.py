@@ -21,6 +21,7 @@ from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.silence import Silence
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.commands.commands import Commands
+from zacoustic.core.transport.keydelivery import KeyDelivery
 from zacoustic.core.transport.routing import Routing
 from zacoustic.core.transport.status import Status
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
@@ -57,7 +58,7 @@ class EngineCall:
         """The exception, if it raised one."""
 
 
-_PARTS: Final[dict[str, type]] = {
+PARTS: Final[dict[str, type]] = {
     "": Engine,
     "actions": Actions,
     "subscriptions": Subscriptions,
@@ -67,7 +68,10 @@ _PARTS: Final[dict[str, type]] = {
     "status": Status,
     "lost_contact": LostContact,
     "routing": Routing,
+    "keys": KeyDelivery,
 }
+"""Parts of an engine whose calls can be tapped, by the first name of the call. They stay plain
+Python in a compiled wheel: methods of a compiled object cannot be replaced."""
 
 TapSink = Callable[[EngineCall], None]
 """Takes each call when it has ended; must neither raise nor call the engine."""
@@ -89,9 +93,9 @@ class Tap:
             setattr(part, name.rpartition(".")[2], self._tapped(name, method))
 
     def _tapped(self, name: str, method: Callable[..., Any]) -> Callable[..., Any]:
-        parameters = tuple(inspect.signature(method).parameters)
+        _, *parameters = inspect.signature(method_of(name)).parameters
 
-        @functools.wraps(method)  # a second tap needs its parameters
+        @functools.wraps(method)
         def tapped(*args: Any, **keywords: Any) -> Any:  # noqa: ANN401 (as the method has it)
             if self._is_inside:
                 return method(*args, **keywords)
@@ -128,7 +132,7 @@ def call_engine(engine: Engine, name: str, arguments: dict[str, Any]) -> object:
 def method_of(name: str) -> Callable[..., Any]:
     """Return the method of a call as its class defines it, for its parameters."""
     path, _, method = name.rpartition(".")
-    found: Callable[..., Any] = getattr(_PARTS[path], method)
+    found: Callable[..., Any] = getattr(PARTS[path], method)
     return found
 
 
