@@ -3,6 +3,7 @@
 import ast
 import importlib
 import importlib.util
+import random
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,7 +11,9 @@ from types import ModuleType
 
 import pytest
 
+from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.tap import PARTS
+from zacoustic.core.streams.table import StreamTable
 
 ROOT = Path(__file__).parents[1]
 SPLIT = ROOT / ".ci" / "compiled" / "split.py"
@@ -169,6 +172,12 @@ def bases_in(path: Path) -> Iterator[tuple[str, str]]:
             name = text.rpartition(".")[2]
             if name not in own:
                 yield each.name, name
+
+
+def test_parts_of_an_engine_are_what_a_tap_takes_them_for() -> None:
+    engine = Engine(address=1, table=StreamTable([]), epoch=1, rng=random.Random(1))
+    found = {name: type(getattr(engine, name)) for name in PARTS if name}
+    assert {"": Engine, **found} == PARTS
 
 
 def test_what_a_tap_may_replace_stays_plain(monkeypatch: pytest.MonkeyPatch) -> None:

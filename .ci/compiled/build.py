@@ -36,8 +36,7 @@ PLAIN: Final = (
     "zacoustic/core/engine/engine.py",
     "zacoustic/core/transport/contract.py",
     # A tap replaces methods of their objects: `zacoustic.core.engine.tap`.
-    "zacoustic/core/transport/actions/actions.py",
-    "zacoustic/core/transport/subscriptions/subscriptions.py",
+    "zacoustic/core/engine/commands.py",
     "zacoustic/core/transport/commands/commands.py",
     "zacoustic/core/transport/keydelivery.py",
     "zacoustic/core/peers/ranging.py",
@@ -87,6 +86,7 @@ def main() -> int:
         run(tools, "-m", "wheel", "unpack", "--dest", folder, *Path(folder).glob("*.whl"))
         tree = next(Path(folder).glob("zacoustic-*/"))
         compile_tree(tree, tools)
+        run(tools, ROOT / "examples" / "16_action.py", cwd=tree, PYTHONPATH=str(tree))
         tag_as_compiled(next(tree.glob("*.dist-info")) / "WHEEL")
         run(tools, "-m", "wheel", "pack", "--dest-dir", into, tree)
     return 0
@@ -133,9 +133,9 @@ def installed(folder: Path, *requirements: str) -> Path:
     return python
 
 
-def run(*command: Path | str, cwd: Path = ROOT) -> None:
-    """Run a command, which has to succeed."""
-    environment = {"CFLAGS": "-O1 -g0", **os.environ}
+def run(*command: Path | str, cwd: Path = ROOT, **variables: str) -> None:
+    """Run a command, which has to succeed, with further variables in its environment."""
+    environment = {"CFLAGS": "-O1 -g0", **os.environ, **variables}
     subprocess.run([str(each) for each in command], cwd=cwd, env=environment, check=True)
 
 

@@ -15,16 +15,15 @@ import inspect
 from collections.abc import Callable, Collection, Iterator
 from typing import Any, Final
 
+from zacoustic.core.engine.commands import GoalCommands, SubscriptionCommands
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.peers.lostcontact import LostContact
 from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.silence import Silence
-from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.commands.commands import Commands
 from zacoustic.core.transport.keydelivery import KeyDelivery
 from zacoustic.core.transport.routing import Routing
 from zacoustic.core.transport.status import Status
-from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 
 CALLS: Final = (
     "handle_frame", "handle_transmit_report", "handle_link_state", "handle_carrier",
@@ -60,8 +59,8 @@ class EngineCall:
 
 PARTS: Final[dict[str, type]] = {
     "": Engine,
-    "actions": Actions,
-    "subscriptions": Subscriptions,
+    "actions": GoalCommands,
+    "subscriptions": SubscriptionCommands,
     "commands": Commands,
     "ranging": Ranging,
     "silence": Silence,
