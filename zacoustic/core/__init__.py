@@ -31,7 +31,8 @@ Eleven layers; each imports only from those below (import-linter checks that in 
                 `policy` chooses for each frame, `reach` tells whether a link reaches a node,
                 `outbox` is a source of the composer
 `schedule`      `context` is what components share in a node, and on each link; `queue` to
-                `composer` and `filling` to `port` (`bulkwindow`, `othertrains`) to `transmitter`;
+                `frames`, by `composer` and `filling`, to `port` (`bulkwindow`, `othertrains`) and
+                `transmitter`;
                 `gate` decides when a frame goes, by reasons of `port`, `access`, `airtime` and
                 `silence`, which needs `hosttime`; `timing`, `pacers` and `copies` how often; `ways`
                 tell how far a node is, `hopage` how long a frame was on its way by other links;

@@ -206,8 +206,9 @@ class LinkStats(EngineStats):
 
     def attribute(self, stream_id: int, cause: Cause, transmitted_bytes: int) -> None:
         """Enter bytes of a transmitted frame into the ledger."""
-        super().attribute(stream_id, cause, transmitted_bytes)
-        self._whole.attribute(stream_id, cause, transmitted_bytes)
+        if transmitted_bytes:
+            super().attribute(stream_id, cause, transmitted_bytes)
+            self._whole.attribute(stream_id, cause, transmitted_bytes)
 
     def carry(self, entries: "Entries") -> None:
         """Enter those of a frame of a tunnel that goes now."""

@@ -131,6 +131,7 @@ class Engine:
         self._now = 0
         self._events: deque[Event] = deque()
         self._handed_over: Event | None = None
+        self._has_begun = False
         emit = self._events.append
         node = NodeContext(
             address, table, epoch, rng, stored, rules.of_peers, emit, sizes, cipher, rules.sealing
@@ -202,6 +203,7 @@ class Engine:
             self._paths,
         )
         """Commands about routes, and probes: `send`, `execute`."""
+        self._has_tunnels = len(self._stacks) > len(self._links)
         for stack in self._stacks.values():
             stack.protocols.recover()
 
@@ -429,9 +431,10 @@ class Engine:
     def poll_transmit(self, now: int) -> Transmission | None:
         """Return the frame that is worth most now, for the first link that can take one."""
         self._now = now
-        self._bond_ports.submit(now)  # also to routes
-        self._route_ports.submit(now)
-        self._flood_port.submit(now)
+        if self._has_tunnels:
+            self._bond_ports.submit(now)  # also to routes
+            self._route_ports.submit(now)
+            self._flood_port.submit(now)
         for link in self._links:
             made = self._stacks[link].make(now)
             if made is not None:
@@ -568,7 +571,7 @@ class Engine:
         """Whether an acknowledgement waits and this node may transmit."""
         now = self._now
         return not self.silence.is_silent(now) and any(
-            stack.state is LinkState.UP and stack.protocols.owes_acknowledgement(now)
+            stack.state is LinkState.UP and stack.protocols.frames.owes_acknowledgement(now)
             for stack in self._stacks.values()
         )
 
@@ -697,6 +700,9 @@ class Engine:
 
     def _begin(self, now: int) -> None:
         """Record the first instant since the restart; later calls have no effect."""
+        if self._has_begun:
+            return
+        self._has_begun = True
         self.contact.begin(now)
         self.lost_contact.begin(now)
         self._handshake.begin(now)

@@ -112,12 +112,11 @@ class LinkStack:
         """The capabilities as the link told them."""
         self.transmitter = Transmitter(
             context.link,
-            self.protocols,
+            self.protocols.frames,
             silence,
             AirtimeCaps(own.max_airtime),
             context.node.replies,
             context.stats,
-            self._make_port,
             context.emit,
         )
         """Decides when a frame goes."""
@@ -189,8 +188,7 @@ class LinkStack:
     ) -> bool:
         """Take the link's state; return whether it has changed."""
         if capabilities is not None and capabilities != self._told:
-            self.transmitter.use_link(self._bounded(capabilities), now)
-            self._told = capabilities
+            self._use_link(capabilities, now)
         if state is self.transmitter.link_state:
             return False
         self.transmitter.change_state(state, now)
@@ -202,8 +200,7 @@ class LinkStack:
     def switch(self, capabilities: LinkCapabilities, now: int) -> None:
         """Go on by another medium, by which whatever waits for an answer is due at once."""
         self._context.pacers.begin_anew()
-        self.transmitter.use_link(self._bounded(capabilities), now)
-        self._told = capabilities
+        self._use_link(capabilities, now)
         self.protocols.link_up(now)
 
     # Outputs
@@ -439,10 +436,17 @@ class LinkStack:
             measurements.note(opened.source, frame.metrics, frame.received_at)
         port.heard(opened.source, len(frame.frame_bytes), now, frame.service)
 
-    def _bounded(self, capabilities: LinkCapabilities) -> LinkCapabilities:
-        if self._max_frame_s is None:
-            return capabilities
-        return capabilities.bounded(self._max_frame_s)
+    def _use_link(self, told: LinkCapabilities, now: int) -> None:
+        """Begin with a link, or with new capabilities of it.
+
+        Raises:
+            ConfigError: It cannot do what the config asks of it; nothing has changed.
+        """
+        bounded = told if self._max_frame_s is None else told.bounded(self._max_frame_s)
+        port = self._make_port(bounded, self.protocols.envelope(bounded))
+        self.transmitter.use_link(port, now)
+        self.protocols.use_link(port, now)
+        self._told = told
 
     def _make_port(self, capabilities: LinkCapabilities, envelope: Envelope) -> LinkPort:
         return LinkPort(

@@ -108,6 +108,8 @@ class Contact:
         self._emit = emit
         self._has_begun = False
         self._sightings: dict[int, Sighting] = {}
+        self.lost: set[int] = set()
+        """Nodes that have been silent for so long that they count as lost; read-only."""
         peers.forgotten.connect(self._forget)
 
     def begin(self, now: int) -> None:
@@ -129,14 +131,10 @@ class Contact:
         before = REACHABILITY.first if known is None else known.state
         state = REACHABILITY.after(before, Change.FRAME)
         self._sightings[source] = Sighting(state=state, since=since, heard_at=now)
+        self.lost.discard(source)
         self._arm(source)
         if known is not None and known.is_lost:
             self._emit(PeerFound(address=source, found_at=now))
-
-    def is_lost(self, address: int) -> bool:
-        """Return whether a node has been silent for so long that it counts as lost."""
-        known = self._sightings.get(address)
-        return known is not None and known.is_lost
 
     def sightings(self) -> dict[int, Sighting]:
         """Return the sighting of each node that can be lost, by address."""
@@ -150,6 +148,7 @@ class Contact:
 
     def _forget(self, address: int, now: int) -> None:
         self._sightings.pop(address, None)
+        self.lost.discard(address)
         self._timers.cancel((Due.CONTACT, address))
 
     def _lost_after_s(self, address: int) -> float | None:
@@ -167,4 +166,5 @@ class Contact:
         known = self._sightings[address]
         heard_at, state = known.heard_at, REACHABILITY.after(known.state, Change.SILENCE)
         self._sightings[address] = Sighting(state=state, since=now, heard_at=heard_at)
+        self.lost.add(address)
         self._emit(PeerLost(address=address, heard_at=heard_at, lost_at=now))

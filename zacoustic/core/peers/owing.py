@@ -72,20 +72,11 @@ class Owing:
         """How long a confirmation waits for the next frame of a peer, ns."""
         return PATIENCE_UNITS * self.unit_ns
 
-    # As a source of frames
+    def on(self, link: str) -> "OwedOnLink":
+        """Return the frames that a link needs for owed statements alone."""
+        return OwedOnLink(link, self._peers)
 
-    def due_at(self, link: str, now: int) -> int | None:
-        """Return when a frame that carries only owed statements may go, ns, or None."""
-        speak = self._speak_next(link)
-        return speak and speak[0]
-
-    def offer(self, link: str, now: int) -> Offer | None:
-        """Offer what found no other frame in time: it goes before other waiting data."""
-        speak = self._speak_next(link)
-        if speak is None or speak[0] > now:
-            return None
-        destination = BROADCAST if self._peers[speak[1]].speaks_to_all else speak[1]
-        return Offer(destination=destination, owed_first=True, rides=True, is_reply=True)
+    # In frames that go
 
     def take(
         self, link: str, destination: int, room_bytes: int, now: int
@@ -171,15 +162,6 @@ class Owing:
 
     # Below the methods above
 
-    def _speak_next(self, link: str) -> tuple[int, int] | None:
-        """Return ``(instant, address)`` of the next frame with owed statements only, or None."""
-        waiting = [
-            (peer.speak_at, address)
-            for address, peer in self._peers.items()
-            if peer.speak_at is not None and peer.link == link and peer.is_owed
-        ]
-        return min(waiting, default=None)
-
     def _spoken(self, peer: Peer, now: int) -> None:
         if not peer.is_owed:
             peer.speak_at = None
@@ -205,3 +187,39 @@ class Owing:
             row = TableRow(self._introductions.epoch, stream_id, self.digest_of(stream_id))
             controls.append((Cause.TABLE, row.encode()))
         return controls
+
+
+class OwedOnLink:
+    """Statements owed on one link that have found no other frame, as a source of frames.
+
+    Args:
+        link: Name of the link.
+        peers: The other nodes.
+    """
+
+    def __init__(self, link: str, peers: Peers) -> None:
+        self._link = link
+        self._peers = peers
+
+    def due_at(self, now: int) -> int | None:
+        """Return when a frame that carries only owed statements may go, ns, or None."""
+        earliest: int | None = None
+        for peer in self._peers.values():
+            at = peer.speak_at
+            if at is None or peer.link != self._link or not peer.is_owed:
+                continue
+            if earliest is None or at < earliest:
+                earliest = at
+        return earliest
+
+    def offer(self, now: int) -> Offer | None:
+        """Offer what found no other frame in time: it goes before other waiting data."""
+        if (at := self.due_at(now)) is None or at > now:
+            return None
+        address = min(
+            address
+            for address, peer in self._peers.items()
+            if peer.speak_at == at and peer.link == self._link and peer.is_owed
+        )
+        destination = BROADCAST if self._peers[address].speaks_to_all else address
+        return Offer(destination=destination, owed_first=True, rides=True, is_reply=True)

@@ -234,12 +234,12 @@ class Ranging:
 
     def due_at(self, now: int) -> int | None:
         """Return the instant of the next exchange, ns, or None."""
-        due = self._due(now)
+        due = self._due(now) if self._quests else None
         return due and due[0]
 
     def offer(self, now: int) -> Offer | None:
         """Offer a frame to a peer whose range is wanted."""
-        due = self._due(now)
+        due = self._due(now) if self._quests else None
         if due is None or due[0] > now:
             return None
         return Offer(destination=due[1], must_go=Cause.RANGE)
@@ -279,8 +279,6 @@ class Ranging:
 
     def _due(self, now: int) -> tuple[int, int] | None:
         """Return ``(instant, address)`` of the next exchange, or None."""
-        if not self._quests:
-            return None
         wanted = [
             (at, address)
             for address, quest in self._quests.items()

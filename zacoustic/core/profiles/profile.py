@@ -12,12 +12,11 @@ from types import MappingProxyType
 
 from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
-from zacoustic.core.base.waits import Why
 from zacoustic.core.peers.ranging import Ranging
-from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.context import Context
+from zacoustic.core.schedule.frames import Frames
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import SAMPLE_LANES, LaneKey
+from zacoustic.core.schedule.queue import SAMPLE_LANES
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.actions.actions import Actions
 from zacoustic.core.transport.calls.services import Services
@@ -42,6 +41,8 @@ class Profile(ABC):
     """Carry remote commands; None: this wire has none."""
     actions: Actions | None = None
     """Take commands about goals; None: this wire has none."""
+    frames: Frames
+    """What is transmitted."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -119,18 +120,9 @@ class Profile(ABC):
     # Getters
 
     @property
-    def may_speak(self) -> bool:
-        """Whether the boot epoch is journalled, so that the node will not use it again."""
-        return self._context.epoch.may_speak
-
-    @property
     def is_idle(self) -> bool:
         """Whether nothing waits."""
         return not self.queue
-
-    def owes_acknowledgement(self, now: int) -> bool:
-        """Return whether an acknowledgement waits."""
-        return False
 
     def pending(self, stream_id: int) -> int:
         """Return how many payloads of a stream wait."""
@@ -149,69 +141,11 @@ class Profile(ABC):
         """What this node keeps of carried topics; None: there are none."""
         return None
 
-    # Transmission and reception
+    # Reception
 
     @abstractmethod
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make the envelope of frames on a link."""
-
-    @abstractmethod
-    def due_at(self, now: int) -> int | None:
-        """Return the earliest instant of the next frame, ns; None: nothing waits."""
-
-    @abstractmethod
-    def compose(self, port: LinkPort, now: int) -> Composed | None:
-        """Make the frame that is worth most now, or return None."""
-
-    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
-        """Make a frame of one lane's payloads, or return None."""
-        return None
-
-    def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame with only the controls of medium access, or return None."""
-        return None
-
-    def bulk_due_at(self, now: int) -> int | None:
-        """Return when a frame of the link's bulk service is due, ns; None: none."""
-        return None
-
-    def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame of the link's bulk service, or return None."""
-        return None
-
-    def ride_back(self, address: int, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame that goes with the acknowledgement of a node's bulk frames, or None."""
-        return None
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether its last frame has announced that another one follows at once."""
-        return False
-
-    def is_urgent(self, now: int) -> bool:
-        """Return whether something waits that goes before everything else."""
-        return self.queue.is_urgent(now)
-
-    def rides_back(self, address: int, now: int) -> bool:
-        """Return whether all that is urgent may go with what the device says to a node."""
-        return False
-
-    @property
-    def has_granted(self) -> bool:
-        """Whether a frame of another link waits that may go although the node is silent."""
-        return False
-
-    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
-        """Make that frame, or return None."""
-        return None
-
-    def held(self, now: int) -> tuple[int, Why] | None:
-        """Return until when waiting records are held before they ask for a frame, ns, and why."""
-        return self.queue.held(now)
-
-    def hold(self, stream_id: int, until: int) -> None:
-        """Hold everything of a stream until an instant, ns."""
-        self.queue.hold(stream_id, until)
 
     @abstractmethod
     def receive(

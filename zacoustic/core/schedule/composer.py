@@ -25,13 +25,15 @@ from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.parts import BESIDE_PAYLOAD, FIRST_BUT_URGENT, Offer, Part
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats, count
+from zacoustic.core.base.waits import Why
 from zacoustic.core.peers.agreementpolicy import HELLO_EVERY
+from zacoustic.core.peers.bootepoch import BootEpoch
 from zacoustic.core.peers.handshake import Handshake
 from zacoustic.core.peers.heartbeats import Heartbeats
-from zacoustic.core.peers.owing import Owing
 from zacoustic.core.peers.ranging import Ranging
 from zacoustic.core.schedule.copies import MOST_COPIES
 from zacoustic.core.schedule.filling import Filling
+from zacoustic.core.schedule.frames import Composed, Frames
 from zacoustic.core.schedule.linkseal import Closing, Unsealed
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
@@ -54,54 +56,6 @@ _GIVE_WAY_PERIODS: Final = 2
 pause."""
 
 
-class Composed(msgspec.Struct, frozen=True, kw_only=True):
-    """A frame that is ready for the link."""
-
-    destination: int
-    """Address, or `BROADCAST`."""
-    frame_bytes: bytes
-    """With envelope."""
-    records: tuple[Waiting, ...] = ()
-    """Its records in their order, without a fragment."""
-    object_stream: int | None = None
-    """The stream of the fragment in it, or None."""
-    acknowledge: bool = False
-    """Whether to ask the modem for an acknowledgement."""
-    parts: tuple[Part, ...] = ()
-    """Receive the begin and the end of its transmission."""
-    rides_back: bool = False
-    """Whether it goes with the device's acknowledgement of bulk frames."""
-    is_urgent: bool = False
-    """Whether it is a frame of a route or bond that goes before all others."""
-    is_heartbeat: bool = False
-    """Whether it has nothing but the sign that this node is there."""
-    caused_by: int | None = None
-    """Address of the node because of which it goes; None: it goes for this node's own sake."""
-
-    @property
-    def streams(self) -> tuple[int, ...]:
-        """The streams of its records, in their order."""
-        if self.object_stream is not None:
-            return (self.object_stream,)
-        return tuple(record.stream_id for record in self.records)
-
-    @property
-    def expires_at(self) -> int | None:
-        """Instant after which the first of its records is worthless, ns; None: none ever is."""
-        instants = (record.expires_at for record in self.records)
-        return min((at for at in instants if at is not None), default=None)
-
-    @property
-    def stream_bytes(self) -> dict[int, int]:
-        """Bytes of each stream's records in it."""
-        if self.object_stream is not None:
-            return {self.object_stream: len(self.frame_bytes)}
-        sizes: dict[int, int] = {}
-        for record in self.records:
-            sizes[record.stream_id] = sizes.get(record.stream_id, 0) + record.size_bytes
-        return sizes
-
-
 class Ingredients(msgspec.Struct, frozen=True, kw_only=True):
     """The sources of the frames of one node on one link, beside the handshake."""
 
@@ -117,26 +71,14 @@ class Ingredients(msgspec.Struct, frozen=True, kw_only=True):
     """Frames for a node that has sent nothing for long."""
     seal: Unsealed
     """Closes the frames."""
+    begins: Callable[[int], None]
+    """Called with the instant before a frame of records is composed."""
     extensions: Sequence[ExtensionSource] = ()
     """Third-party transports."""
     relay: ForwardingSource | None = None
     """Frames of routes over relays; None: this node is part of none on this link."""
     other_end: int | None = None
     """The one other node on this link, so that no frame is a broadcast; None: there are more."""
-
-
-class _Owed:
-    """What one link owes to other nodes, as a source of frames."""
-
-    def __init__(self, owing: Owing, link: str) -> None:
-        self._owing = owing
-        self._link = link
-
-    def due_at(self, now: int) -> int | None:
-        return self._owing.due_at(self._link, now)
-
-    def offer(self, now: int) -> Offer | None:
-        return self._owing.offer(self._link, now)
 
 
 class _Draft:
@@ -173,33 +115,39 @@ class _Draft:
         return self.introduction + b"".join(said for _, said in self._said)
 
 
-class Composer:
+class Composer(Frames):
     """Makes the frames of one node on one link.
 
     Args:
         link: Name of the link.
         handshake: Provides introductions and what is owed.
+        epoch: The boot epoch of the node.
         made_of: The sources of the frames.
         stats: Counts every byte.
     """
 
     def __init__(
-        self, link: str, handshake: Handshake, made_of: Ingredients, stats: EngineStats
+        self,
+        link: str,
+        handshake: Handshake,
+        epoch: BootEpoch,
+        made_of: Ingredients,
+        stats: EngineStats,
     ) -> None:
+        super().__init__(made_of.queue, epoch, made_of.relay)
         self._link = link
         self._owing = handshake.owing
         self._introductions = handshake.introductions
-        self._queue = made_of.queue
         self._dense = made_of.dense
         self._ranging = made_of.ranging
         self._objects = made_of.objects
         self._heartbeats = made_of.heartbeats
         self._seal = made_of.seal
         self._extensions = made_of.extensions
-        self._relay = made_of.relay
+        self._begins = made_of.begins
         self._other_end = made_of.other_end
         self._sources: tuple[Source, ...] = (
-            made_of.heartbeats, made_of.objects, _Owed(self._owing, link), made_of.ranging,
+            made_of.heartbeats, made_of.objects, self._owing.on(link), made_of.ranging,
             made_of.dense, *made_of.extensions, *filter(None, [made_of.relay]), made_of.queue,
         )  # fmt: skip
         """Of equal offers the first one wins; the last source is that of the best payload."""
@@ -207,13 +155,7 @@ class Composer:
         self._stats = stats
         self._since_introduction = 0
 
-    def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame with only the controls of medium access."""
-        room_bytes = port.envelope.room_bytes - self._seal.overhead_bytes
-        said = port.access.controls(room_bytes, now, alone=True)
-        if not said:
-            return None
-        return self._controls(port, port.access.answers_to, [(Cause.ACCESS, said)], now)
+    # What waits
 
     def due_at(self, now: int) -> int | None:
         """Return the instant from which a frame should go, ns; None: nothing to send."""
@@ -223,16 +165,46 @@ class Composer:
             if at is not None and (earliest is None or at < earliest):
                 earliest = at
         held_until = self._objects.hold_until(now)
-        if earliest is not None and held_until > now and not self._is_urgent(now):
+        if earliest is not None and held_until > now and not self.is_urgent(now):
             earliest = max(earliest, held_until)
         object_at = self._objects.due_at(now)
         if earliest is None or object_at is None:
             return earliest if object_at is None else object_at
         return min(earliest, object_at)
 
+    def held(self, now: int) -> tuple[int, Why] | None:
+        """Return until when waiting records are held, ns, and why: also for an awaited answer."""
+        held, answered_at = super().held(now), self._objects.hold_until(now)
+        if held is None or held[0] >= answered_at or self.is_urgent(now):
+            return held
+        return answered_at, Why.ANSWER
+
+    def bulk_due_at(self, now: int) -> int | None:
+        """Return the instant from which a fragment should go by the bulk service, ns, or None."""
+        return self._objects.bulk_due_at(now)
+
+    def rides_back(self, address: int, now: int) -> bool:
+        """Return whether all that is urgent may go with what the device says to a node."""
+        is_alone = self._introductions.is_only_other(address)
+        return self.queue.is_urgent_only_to((address, BROADCAST) if is_alone else (address,), now)
+
+    def owes_acknowledgement(self, now: int) -> bool:
+        """Return whether an acknowledgement or feedback waits."""
+        return self.queue.has_acknowledgement or self._objects.owes_answer(now)
+
+    # What goes
+
+    def speak(self, port: LinkPort, now: int) -> Composed | None:
+        """Make a frame with only the controls of medium access."""
+        room_bytes = port.envelope.room_bytes - self._seal.overhead_bytes
+        said = port.access.controls(room_bytes, now, alone=True)
+        if not said:
+            return None
+        return self._controls(port, port.access.answers_to, [(Cause.ACCESS, said)], now)
+
     def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
         """Make a frame of one lane's payloads, with what their hearer needs beside them."""
-        first = next(self._queue.candidates(now, lane), None)
+        first = next(self.queue.candidates(now, lane), None)
         if first is None:
             return None
         offer = self._for_link(Offer(destination=first[1].destination, lane=lane))
@@ -240,9 +212,9 @@ class Composer:
 
     def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame of another link that may go in silence, or return None."""
-        if self._relay is None:
+        if self.forwarding is None:
             return None
-        granted = self._relay.take_granted(port.envelope.room_bytes, now)
+        granted = self.forwarding.take_granted(port.envelope.room_bytes, now)
         if granted is None:
             return None
         destination, taken = granted
@@ -250,6 +222,7 @@ class Composer:
 
     def compose(self, port: LinkPort, now: int) -> Composed | None:
         """Make the frame that is worth most now; return None when there is nothing to send."""
+        self._begins(now)
         in_vain: list[Offer] = []
         while (offer := self._best(now, in_vain)) is not None:
             composed = self._how(offer)(port, offer, now)
@@ -321,6 +294,13 @@ class Composer:
             parts=(taken.part, beat),
         )
 
+    def hold(self, stream_id: int, until: int) -> None:
+        """Hold everything of a stream until an instant, ns: its airtime is used up."""
+        super().hold(stream_id, until)
+        self._objects.hold(stream_id, until)
+
+    # Below the methods above
+
     def _best(self, now: int, in_vain: list[Offer]) -> Offer | None:
         """Return the best offer, except for those that made no frame."""
         *others, payload = (source.offer(now) for source in self._sources)
@@ -359,7 +339,7 @@ class Composer:
             return self._controls(port, BROADCAST, [(Cause.HELLO, hello or PADDING)], now)
         if offer.sealed_bytes:
             room_bytes -= self._seal.hop_overhead_bytes
-        taken = None if self._relay is None else self._relay.take(room_bytes, now)
+        taken = None if self.forwarding is None else self.forwarding.take(room_bytes, now)
         return None if taken is None else self._forward(port, offer, taken, now)
 
     def _forward(self, port: LinkPort, offer: Offer, taken: Forwarded, now: int) -> Composed:
@@ -376,10 +356,6 @@ class Composer:
             parts=(taken.part,),
             is_urgent=taken.is_urgent,
         )
-
-    def _is_urgent(self, now: int) -> bool:
-        is_forwarded = self._relay is not None and self._relay.is_urgent
-        return is_forwarded or self._queue.is_urgent(now)
 
     def _fill_fragment(self, port: LinkPort, offer: Offer, now: int) -> Composed | None:
         """Make the frame of a fragment, or the introduction that must precede it."""
@@ -543,9 +519,9 @@ class Composer:
             filling = self._choose(offer, draft, now, introduced=introduced)
         self._owing.spoken(self._link, draft.destination, now)
         items = filling.items if filling is not None else ()
-        if lane and item and draft.introduction and not items and not self._queue.fits(item):
+        if lane and item and draft.introduction and not items and not self.queue.fits(item):
             # It never has room beside a TAG: it gives its turn to the TAG, as if it had been lost.
-            self._queue.take(lane, now)
+            self.queue.take(lane, now)
             draft.parts += filter(None, [item.part])
         elif lane and item and item.block_bytes and filling is not None and item not in items:
             self._drop_grown(lane, draft, now, is_alone=not items)
@@ -586,7 +562,7 @@ class Composer:
         Beside controls it may not have had room; then it stays, for a frame of its own.
         """
         if draft.is_empty or (draft.introduction and is_alone):
-            self._queue.take(lane, now)
+            self.queue.take(lane, now)
             self._stats.drop("oversized")
 
     def _agree(
@@ -651,7 +627,7 @@ class Composer:
         )
         if said:
             draft.say(Cause.ACCESS, said)
-        comfort_bytes = port.comfort_bytes(now, is_copy=self._queue.has_copy)
+        comfort_bytes = port.comfort_bytes(now, is_copy=self.queue.has_copy)
         if comfort_bytes is not None:
             spent_bytes = port.room_bytes - draft.room_bytes
             most_bytes = max(first_bytes, comfort_bytes - spent_bytes)
@@ -659,12 +635,12 @@ class Composer:
 
     def _has_bytes(self, least_bytes: int) -> bool:
         """Return whether so many bytes wait, or will: then a pause is worth its announcement."""
-        return self._dense.fills_link or self._queue.has_bytes(least_bytes)
+        return self._dense.fills_link or self.queue.has_bytes(least_bytes)
 
     def _concerning(self, offer: Offer, now: int) -> Iterator[tuple[Lane, Waiting]]:
         """Yield the candidates that the frame may carry."""
         to_all = offer.takes_all or offer.destination == BROADCAST
-        for lane, item in self._queue.candidates(now, offer.lane):
+        for lane, item in self.queue.candidates(now, offer.lane):
             if item.destination == offer.destination or (to_all and not item.for_one_node):
                 yield lane, item
 
@@ -677,7 +653,7 @@ class Composer:
             if not self._seal.admits(item, draft.closing):
                 continue
             if filling.add(item):
-                self._queue.take(lane, now)
+                self.queue.take(lane, now)
             elif filling.is_full:
                 break
         return filling

@@ -204,6 +204,10 @@ class Context:
         """Whether its frames go inside those of other links."""
         self.other_end = other_end
         """The only other node on this link; None: there may be more."""
+        self.others = [each for each in node.table.nodes if each != node.address]
+        """Addresses of the listed nodes at other ends of this link; empty: any may be there."""
+        if other_end is not None:
+            self.others = [other_end]
         self.settling_ns = 0
         """A duplicate may arrive so late, ns, if that is later than the link itself shows."""
         is_tunnel = tunnel is not None
@@ -239,21 +243,14 @@ class Context:
         self.peers.forgotten.connect(self.queue.peer_forgotten)
 
     @property
-    def others(self) -> list[int]:
-        """Addresses of the listed nodes at other ends of this link; empty: any may be there."""
-        if self.other_end is not None:
-            return [self.other_end]
-        return [each for each in self.table.nodes if each != self.address]
-
-    @property
     def is_crowd(self) -> bool:
         """Whether at least two other nodes are known on this link, and not lost.
 
         When they were heard does not matter: whoever talks to another node is heard by nobody else
         where modems hand over only frames for their own node.
         """
-        is_lost = self.node.contact.is_lost
-        return sum(not is_lost(each) for each in self.others or self.peers) > 1
+        known, lost = self.others or self.peers, self.node.contact.lost
+        return len(known) - sum(each in known for each in lost) > 1
 
     @property
     def is_sealed(self) -> bool:

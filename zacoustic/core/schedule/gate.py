@@ -23,14 +23,15 @@ the reason that moved the instant last. It is for those who look on, and nothing
 """
 
 from collections.abc import Callable, Sequence
-from typing import Final, Protocol, TypeAlias
+from typing import Final, TypeAlias
 
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.waits import Waits, Why
 from zacoustic.core.schedule.access.base import Wanted
 from zacoustic.core.schedule.airtime import AirtimeCaps
+from zacoustic.core.schedule.frames import Frames
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey, TransmitQueue
+from zacoustic.core.schedule.queue import LaneKey
 from zacoustic.core.schedule.silence import Silence
 
 _MOST_WALKS: Final = 16
@@ -118,50 +119,12 @@ class Passage:
         return at, last
 
 
-class WaitingFrames(Protocol):
-    """What waits for one link, as the gate sees it."""
-
-    @property
-    def queue(self) -> TransmitQueue:
-        """The waiting records."""
-
-    @property
-    def goes_on(self) -> bool:
-        """Whether its last frame has announced that another one follows at once."""
-
-    def is_urgent(self, now: int) -> bool:
-        """Return whether something waits that goes before everything else."""
-
-    @property
-    def has_granted(self) -> bool:
-        """Whether a frame of another link waits that may go although the node is silent."""
-
-    @property
-    def may_speak(self) -> bool:
-        """Whether the boot epoch is journalled, so that the node will not use it again."""
-
-    def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame should go, ns; None: nothing to send."""
-
-    def held(self, now: int) -> tuple[int, Why] | None:
-        """Return until when waiting records are held although nothing is in their way, ns, and why.
-
-        None: none waits.
-        """
-
-    def bulk_due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame of the bulk service should go, ns, or None."""
-
-    def rides_back(self, address: int, now: int) -> bool:
-        """Return whether all that is urgent may go with what the device says to a node."""
-
-
 class Gate:
     """Decides for one link when each kind of frame may go.
 
     Args:
         port: The port of the link.
-        source: What waits.
+        frames: What waits.
         silence: The transmit silence.
         airtime: The airtime caps.
         is_up: Whether the link is up.
@@ -170,7 +133,7 @@ class Gate:
     def __init__(
         self,
         port: LinkPort,
-        source: WaitingFrames,
+        frames: Frames,
         silence: Silence,
         airtime: AirtimeCaps,
         *,
@@ -179,7 +142,7 @@ class Gate:
         self.is_up = is_up
         """Whether the link is up; written when its state changes."""
         self._port = port
-        self._source = source
+        self._frames = frames
         self._silence = silence
         gap = Reason(port.after_gap, Why.MODEM)
         medium = [gap]
@@ -202,15 +165,15 @@ class Gate:
         """Return whether a frame of waiting records goes."""
         if not self.is_up or self._why_shut(now) is not None:
             return False
-        self._source.queue.settle(now)
-        due_at = self._source.due_at(now)
+        self._frames.queue.settle(now)
+        due_at = self._frames.due_at(now)
         if due_at is None or due_at > now:
             return False
         return self._records.opens(self._wanted(due_at, now), now, holds=True)
 
     def opens_to_last_word(self, lane: LaneKey, now: int) -> bool:
         """Return whether the frame goes that a silence grants to a lane."""
-        self._source.queue.settle(now, lane)
+        self._frames.queue.settle(now, lane)
         wanted = self._last_word_due(lane, now)
         return wanted is not None and self._in_silence.opens(wanted, now, holds=True)
 
@@ -233,12 +196,12 @@ class Gate:
         """Return the node to which a frame rides back that is given now; None: to none."""
         if not self._port.rides_back:
             return None
-        is_urgent = self._source.is_urgent(now)
+        is_urgent = self._frames.is_urgent(now)
         address = self._port.rides_back_to(now, is_urgent=is_urgent)
-        if address is None or not self.is_up or not self._source.may_speak:
+        if address is None or not self.is_up or not self._frames.epoch.may_speak:
             return None
-        self._source.queue.settle(now)
-        due_at = self._source.due_at(now)
+        self._frames.queue.settle(now)
+        due_at = self._frames.due_at(now)
         if due_at is None or not self._back.opens(Wanted(due_at, is_urgent), now):
             return None
         return address
@@ -270,7 +233,7 @@ class Gate:
         if lane is not None:
             wanted = self._last_word_due(lane, now)
             return None if wanted is None else self._in_silence.next_at(wanted, now)
-        if self._source.has_granted and self._silence.is_silent(now):
+        if self._has_granted and self._silence.is_silent(now):
             wanted = self._granted_due(now)
             return None if wanted is None else self._in_silence.next_at(wanted, now)
         earliest: int | None = None
@@ -287,9 +250,9 @@ class Gate:
     def waits(self, now: int) -> Waits | None:
         """Return why the next frame waits; None: nothing waits, or it goes at once."""
         why: Why | None = None
-        due_at = self._source.due_at(now)
+        due_at = self._frames.due_at(now)
         if due_at is None or due_at > now:
-            held = self._source.held(now)
+            held = self._frames.held(now)
             if held is None:
                 return None
             due_at, why = held
@@ -317,17 +280,17 @@ class Gate:
         """Return the frame of records that is due next; None: none is, or the gate is shut."""
         if not self.is_up or self._why_shut(now) is not None:
             return None
-        due_at = self._source.due_at(now)
+        due_at = self._frames.due_at(now)
         return None if due_at is None else self._wanted(due_at, now)
 
     def _last_word_due(self, lane: LaneKey, now: int) -> Wanted | None:
         if not self.is_up or not self._takes_urgent:
             return None
-        due_at = self._source.queue.due_at(now, lane)
+        due_at = self._frames.queue.due_at(now, lane)
         return None if due_at is None else Wanted(due_at, is_urgent=True)
 
     def _granted_due(self, now: int) -> Wanted | None:
-        if not self._source.has_granted or not self.is_up or not self._takes_urgent:
+        if not self._has_granted or not self.is_up or not self._takes_urgent:
             return None
         return Wanted(now, is_urgent=True) if self._silence.is_silent(now) else None
 
@@ -340,15 +303,21 @@ class Gate:
     def _bulk_due(self, now: int) -> Wanted | None:
         if self._port.bulk is None or not self.is_up or not self._port.takes_bulk:
             return None
-        due_at = self._source.bulk_due_at(now) if self._source.may_speak else None
+        due_at = self._frames.bulk_due_at(now) if self._frames.epoch.may_speak else None
         return None if due_at is None else Wanted(due_at)
 
     def _why_shut(self, now: int) -> Why | None:
         """Return why no record goes, whatever the instant; None: it may."""
         port = self._port
-        if port.is_full and not (port.keeps_reserve and self._source.is_urgent(now)):
+        if port.is_full and not (port.keeps_reserve and self._frames.is_urgent(now)):
             return Why.MODEM
-        return None if self._source.may_speak else Why.JOURNAL
+        return None if self._frames.epoch.may_speak else Why.JOURNAL
+
+    @property
+    def _has_granted(self) -> bool:
+        """Whether a frame of another link waits that may go although the node is silent."""
+        forwarding = self._frames.forwarding
+        return forwarding is not None and forwarding.has_granted
 
     @property
     def _takes_urgent(self) -> bool:
@@ -356,19 +325,20 @@ class Gate:
 
     def _wanted(self, due_at: int, now: int) -> Wanted:
         """Return what waits, as it concerns the medium."""
-        source = self._source
+        frames = self._frames
+        forwarding = frames.forwarding
         wanted = Wanted(
             due_at,
-            source.is_urgent(now),
-            is_copy=source.queue.has_copy,
-            is_in_train=source.goes_on,
+            frames.is_urgent(now),
+            is_copy=frames.queue.has_copy,
+            is_in_train=forwarding is not None and forwarding.goes_on,
         )
         if address := self._port.bulk_source:
             # What concerns a node that sends this one much data.
             if wanted.is_urgent:
-                wanted.rides_back = source.rides_back(address, now)
+                wanted.rides_back = frames.rides_back(address, now)
             else:
-                first = source.queue.best(now)
+                first = frames.queue.best(now)
                 is_to_it = first is None or first.destination in (BROADCAST, address)
                 wanted.is_for_others = not is_to_it
         return wanted

@@ -115,6 +115,12 @@ class ObjectSource(Source, Protocol):
     def take_fragment(self, room_bytes: int, now: int, frames_before_pause: int) -> Taken | None:
         """Take the fragment of `offer`, if it fits."""
 
+    def owes_answer(self, now: int) -> bool:
+        """Return whether feedback is due or still in transmission."""
+
+    def bulk_due_at(self, now: int) -> int | None:
+        """Return the instant at which a fragment is due on the bulk service, ns, or None."""
+
     def bulk_destination(self, now: int) -> int | None:
         """Return the receiver of the fragment that is due on the bulk service, or None."""
 

@@ -7,13 +7,12 @@ each of them (`zacoustic.core.schedule.gate`).
 
 import enum
 from collections.abc import Callable
-from typing import Final, Protocol
+from typing import Final
 
 import msgspec
 
 from zacoustic.core.base.linktypes import (
     ONE_LINK,
-    LinkCapabilities,
     LinkState,
     Service,
     Transmission,
@@ -23,14 +22,13 @@ from zacoustic.core.base.linktypes import (
 from zacoustic.core.base.stats import LinkStats
 from zacoustic.core.base.waits import Waits, Why
 from zacoustic.core.schedule.access import AccessState
+from zacoustic.core.schedule.access.base import MediumAccess
 from zacoustic.core.schedule.airtime import AirtimeCaps
-from zacoustic.core.schedule.composer import Composed
-from zacoustic.core.schedule.gate import Gate, WaitingFrames
+from zacoustic.core.schedule.frames import Composed, Frames
+from zacoustic.core.schedule.gate import Gate
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey
 from zacoustic.core.schedule.replybudget import ReplyBudget
 from zacoustic.core.schedule.silence import Silence
-from zacoustic.core.wire.envelope import Envelope
 
 UNHEARD_FRAMES: Final = 20
 """After this many frames without any reception the application gets an event."""
@@ -60,37 +58,6 @@ class AccessStateChanged(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the link."""
 
 
-class FrameSource(WaitingFrames, Protocol):
-    """The source of a node's frames, as the transmitter sees it."""
-
-    def hold(self, stream_id: int, until: int) -> None:
-        """Hold everything of a stream until an instant, ns."""
-
-    def envelope(self, capabilities: LinkCapabilities) -> Envelope:
-        """Make the envelope of the frames on a link."""
-
-    def use_link(self, port: LinkPort, now: int) -> None:
-        """Set the link's airtimes, and drop what is too large for it."""
-
-    def compose(self, port: LinkPort, now: int) -> Composed | None:
-        """Make the frame that is worth most now, or return None."""
-
-    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
-        """Make the frame of another link that may go in silence, or return None."""
-
-    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
-        """Make a frame of one lane's payloads, or return None."""
-
-    def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame of the bulk service, or return None."""
-
-    def ride_back(self, address: int, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame that goes with the acknowledgement of a node's bulk frames, or None."""
-
-    def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame with only the controls of medium access, or return None."""
-
-
 class Opening(enum.Enum):
     """Whether a link can take a frame of records."""
 
@@ -107,24 +74,22 @@ class Transmitter:
 
     Args:
         link: Name of the link.
-        source: What the engine has to send there.
+        frames: What the engine has to send there.
         silence: The transmit silence, and what is known of UTC.
         airtime: The airtime caps.
         replies: The reply budget of the node.
         stats: The link's counters.
-        make_port: Makes the link's port from its capabilities and envelope.
         emit: Takes `NothingHeard` and `AccessStateChanged`.
     """
 
     def __init__(
         self,
         link: str,
-        source: FrameSource,
+        frames: Frames,
         silence: Silence,
         airtime: AirtimeCaps,
         replies: ReplyBudget,
         stats: LinkStats,
-        make_port: Callable[[LinkCapabilities, Envelope], LinkPort],
         emit: Callable[[NothingHeard | AccessStateChanged], None],
     ) -> None:
         self.link = link
@@ -138,10 +103,9 @@ class Transmitter:
         self._gate: Gate | None = None
         """Decides when a frame goes; None before the link was up."""
         self._replies = replies
-        self._source = source
+        self._frames = frames
         self._silence = silence
         self._stats = stats
-        self._make_port = make_port
         self._offset_ns: int | None = None
         self._emit = emit
         self._access_kind: tuple[object, ...] | None = None
@@ -151,20 +115,14 @@ class Transmitter:
         since, or `NothingHeard` was emitted."""
         self._next_transmission_id = 1
 
-    def use_link(self, capabilities: LinkCapabilities, now: int) -> None:
-        """Begin with a link, or with new capabilities of it.
-
-        Raises:
-            ConfigError: It cannot do what the config asks of it; nothing has changed.
-        """
-        port = self._make_port(capabilities, self._source.envelope(capabilities))
+    def use_link(self, port: LinkPort, now: int) -> None:
+        """Begin with a port: the link is up for the first time, or its capabilities are new."""
         if self.port is not None:
             self.port.close(now)
         self.port = port
         is_up = self.link_state is LinkState.UP
-        self._gate = Gate(port, self._source, self._silence, self.airtime, is_up=is_up)
+        self._gate = Gate(port, self._frames, self._silence, self.airtime, is_up=is_up)
         self._tell_access(port, now)
-        self._source.use_link(port, now)
 
     def peer_forgotten(self, address: int, now: int) -> None:
         """Forget a node."""
@@ -192,7 +150,8 @@ class Transmitter:
 
     def review(self, now: int) -> None:
         """Emit an event if nothing is heard, or medium access has changed."""
-        self._review_access(now)
+        if self.port is not None and self.port.access.has_schedule:
+            self._review_access(self.port.access, now)
         if self._frames_at_up is None:
             return
         sent = self._stats.frames_transmitted - self._frames_at_up[0]
@@ -208,29 +167,30 @@ class Transmitter:
         Returns:
             The transmission, and what it is made of; None: none may begin.
         """
-        port, gate, source = self.port, self._gate, self._source
+        port, gate, frames = self.port, self._gate, self._frames
         if port is None or gate is None:
             return None
-        port.access.review(now)
+        if port.access.has_schedule:
+            port.access.review(now)
         composed = None
         granted = self._silence.granted(now)
         if granted is not None:
             if gate.opens_to_last_word(granted, now):
-                composed = source.compose_only(port, granted, now)
+                composed = frames.compose_only(port, granted, now)
                 self._silence.use_grant()
         elif (address := gate.rides_back_to(now)) is not None and (
-            composed := source.ride_back(address, port, now)
+            composed := frames.ride_back(address, port, now)
         ) is not None:
             pass  # better than a frame of its own, which may meet one of that node
         elif gate.opens(now):
-            composed = source.compose(port, now)
+            composed = frames.compose(port, now)
         elif gate.opens_to_granted(now):
-            composed = source.compose_granted(port, now)
+            composed = frames.compose_granted(port, now)
         if composed is None and gate.opens_to_access(now):
-            composed = source.speak(port, now)
+            composed = frames.speak(port, now)
         service = Service.PLAIN
         if composed is None and granted is None and gate.opens_to_bulk(now):
-            composed, service = source.compose_bulk(port, now), Service.BULK
+            composed, service = frames.compose_bulk(port, now), Service.BULK
         if composed is None:
             return None
         transmission = Transmission(
@@ -248,11 +208,11 @@ class Transmitter:
         self._stats.sent(len(composed.frame_bytes), airtime_ns)
         held = self.airtime.spend(composed.stream_bytes, airtime_ns, now)
         for stream_id, until in held.items():
-            self._source.hold(stream_id, until)
+            self._frames.hold(stream_id, until)
         if composed.caused_by is not None:
             even_at = self._replies.spend(composed.caused_by, airtime_ns, now)
             if even_at > now:
-                source.queue.hold_replies(composed.caused_by, even_at)
+                frames.queue.hold_replies(composed.caused_by, even_at)
         return transmission, composed
 
     def finish(self, report: TransmitReport, now: int) -> bool:
@@ -273,7 +233,7 @@ class Transmitter:
         """Return why the next frame waits; None: nothing waits, or it goes at once."""
         if self._gate is not None:
             return self._gate.waits(now)
-        return Waits(why=Why.LINK, until=None) if self._source.held(now) else None
+        return Waits(why=Why.LINK, until=None) if self._frames.held(now) else None
 
     def opening(self, now: int) -> Opening:
         """Return whether a frame goes now, or could if there were a record for it."""
@@ -291,9 +251,10 @@ class Transmitter:
 
     def clock_doubt(self, now: int) -> str:
         """Return why a doubtful time keeps this node silent, one line; empty: it does not."""
-        if self.port is None:
-            return self._silence.clock_doubt
-        return self._silence.clock_doubt or self.port.access.clock_doubt(now)
+        doubt = self._silence.clock_doubt
+        if doubt or self.port is None or not self.port.access.has_schedule:
+            return doubt
+        return self.port.access.clock_doubt(now)
 
     def access_state(self, now: int) -> AccessState | None:
         """Return what a schedule does at present; None: there is none, or no link yet."""
@@ -301,10 +262,9 @@ class Transmitter:
 
     # Below the methods above
 
-    def _review_access(self, now: int) -> None:
-        if self.port is not None:
-            self.port.access.review(now)
-        state = self.access_state(now)
+    def _review_access(self, access: MediumAccess, now: int) -> None:
+        access.review(now)
+        state = access.state(now)
         if state is None or state.kind == self._access_kind:
             return
         is_first = self._access_kind is None

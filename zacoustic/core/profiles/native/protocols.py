@@ -11,9 +11,8 @@ from collections.abc import Sequence, Set
 from types import MappingProxyType
 from typing import Final
 
-from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities, ReceivedFrame
+from zacoustic.core.base.linktypes import LinkCapabilities, ReceivedFrame
 from zacoustic.core.base.qos import Override
-from zacoustic.core.base.waits import Why
 from zacoustic.core.peers.contact import PeerFound, PeerLost
 from zacoustic.core.peers.handshake import SETTLING_UNITS, latest_ns, unit_ns
 from zacoustic.core.peers.heartbeats import Heartbeats
@@ -22,10 +21,9 @@ from zacoustic.core.profiles.entities import RosEntitySeen
 from zacoustic.core.profiles.native.receiver import Receiver
 from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.composer import BULK_OVERHEAD_BYTES, Composed, Composer, Ingredients
+from zacoustic.core.schedule.composer import BULK_OVERHEAD_BYTES, Composer, Ingredients
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey
 from zacoustic.core.schedule.sources import ForwardingSource
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.table import Stream
@@ -91,7 +89,6 @@ class Protocols(Profile):
         relay: ForwardingSource | None = None,
     ) -> None:
         super().__init__(context)
-        self._relay = relay
         contact = rules.contact_on(context.link)
         self.heartbeats = Heartbeats(
             context.others,
@@ -128,10 +125,13 @@ class Protocols(Profile):
             heartbeats=self.heartbeats,
             extensions=tuple(self.transports.values()),
             seal=context.seal,
+            begins=self.topics.copied.begin_frame,
             relay=relay,
             other_end=context.other_end,
         )
-        self.composer = Composer(context.link, context.handshake, made_of, context.stats)
+        self.frames = Composer(
+            context.link, context.handshake, context.epoch, made_of, context.stats
+        )
 
     # Commands
 
@@ -204,47 +204,7 @@ class Protocols(Profile):
         """Whether nothing waits."""
         return super().is_idle and self.objects.is_idle
 
-    @property
-    def goes_on(self) -> bool:
-        """Whether its last frame has announced that another one follows at once."""
-        return self._relay is not None and self._relay.goes_on
-
-    def is_urgent(self, now: int) -> bool:
-        """Return whether something waits that goes before everything else."""
-        is_forwarded = self._relay is not None and self._relay.is_urgent
-        return is_forwarded or super().is_urgent(now)
-
-    def rides_back(self, address: int, now: int) -> bool:
-        """Return whether all that is urgent may go with what the device says to a node."""
-        is_alone = self._context.handshake.introductions.is_only_other(address)
-        return self.queue.is_urgent_only_to((address, BROADCAST) if is_alone else (address,), now)
-
-    @property
-    def has_granted(self) -> bool:
-        """Whether a frame of another link waits that may go although the node is silent."""
-        return self._relay is not None and self._relay.has_granted
-
-    def compose_granted(self, port: LinkPort, now: int) -> Composed | None:
-        """Make that frame, or return None."""
-        return self.composer.compose_granted(port, now)
-
-    def owes_acknowledgement(self, now: int) -> bool:
-        """Return whether an acknowledgement or feedback waits."""
-        return self.queue.has_acknowledgement or self.objects.owes_answer(now)
-
-    def held(self, now: int) -> tuple[int, Why] | None:
-        """Return until when waiting records are held, ns, and why: also for an awaited answer."""
-        held, answered_at = super().held(now), self.objects.hold_until(now)
-        if held is None or held[0] >= answered_at or self.is_urgent(now):
-            return held
-        return answered_at, Why.ANSWER
-
-    def hold(self, stream_id: int, until: int) -> None:
-        """Hold everything of a stream until an instant, ns."""
-        super().hold(stream_id, until)
-        self.objects.hold(stream_id, until)
-
-    # Transmission and reception
+    # Reception
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make the envelope of the frames on a link.
@@ -255,35 +215,6 @@ class Protocols(Profile):
         made = Envelope(capabilities, self._context.address, sealed=self._context.is_sealed)
         self._context.seal.check_room(made.room_bytes)
         return made
-
-    def due_at(self, now: int) -> int | None:
-        """Return the instant from which a frame should go, ns; None: nothing to send."""
-        return self.composer.due_at(now)
-
-    def compose(self, port: LinkPort, now: int) -> Composed | None:
-        """Make the frame that is worth most now, or return None."""
-        self.topics.copied.begin_frame(now)
-        return self.composer.compose(port, now)
-
-    def bulk_due_at(self, now: int) -> int | None:
-        """Return when a frame of the link's bulk service is due, ns; None: none."""
-        return self.objects.bulk_due_at(now)
-
-    def compose_bulk(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame of the link's bulk service, or return None."""
-        return self.composer.compose_bulk(port, now)
-
-    def ride_back(self, address: int, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame that goes with a node's acknowledgement of bulk frames."""
-        return self.composer.ride_back(address, port, now)
-
-    def compose_only(self, port: LinkPort, lane: LaneKey, now: int) -> Composed | None:
-        """Make a frame of one lane's payloads, or return None."""
-        return self.composer.compose_only(port, lane, now)
-
-    def speak(self, port: LinkPort, now: int) -> Composed | None:
-        """Make a frame with only the controls of medium access, or return None."""
-        return self.composer.speak(port, now)
 
     def receive(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int

@@ -24,18 +24,15 @@ from zacoustic.core.base.linktypes import (
     UNKNOWN_SOURCE,
     LinkCapabilities,
     ReceivedFrame,
-    TransmitOutcome,
-    TransmitReport,
 )
-from zacoustic.core.base.parts import Part
-from zacoustic.core.base.stats import NO_STREAM, Cause, count
+from zacoustic.core.base.stats import count
 from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rmw_desert.calls import SETTLING_UNITS, DesertCalls
 from zacoustic.core.profiles.rmw_desert.discovery import Discovery
 from zacoustic.core.profiles.rmw_desert.envelope import PacketEnvelope
+from zacoustic.core.profiles.rmw_desert.packets import Packets
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.schedule.composer import Composed
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
 from zacoustic.core.schedule.queue import SAMPLE_LANE, Waiting
@@ -84,9 +81,7 @@ class RmwDesertProtocols(Profile):
             context.address, context.table, discovery, context.queue, context.emit
         )
         self._packets: PacketEnvelope | None = None
-        self._pieces: list[bytes] = []
-        self._piece = Part(reported=self._reported)
-        self._pieces_stream = NO_STREAM
+        self._sent = self.frames = Packets(context.queue, context.epoch, context.stats)
 
     # Commands
 
@@ -132,7 +127,7 @@ class RmwDesertProtocols(Profile):
         """Forget a request: this wire has no errors, and its client hears nothing."""
         return self._calls.reply_error(call, now)
 
-    # Transmission and reception
+    # Reception
 
     def envelope(self, capabilities: LinkCapabilities) -> Envelope:
         """Make the envelope of the messages on a link."""
@@ -140,25 +135,6 @@ class RmwDesertProtocols(Profile):
             capabilities, self._context.address, self._context.timers, self._give_up
         )
         return self._packets
-
-    def due_at(self, now: int) -> int | None:
-        """Return the instant from which a packet should go, ns; None: nothing to send."""
-        return now if self._pieces else self.queue.due_at(now)
-
-    def compose(self, port: LinkPort, now: int) -> Composed | None:
-        """Make the packet that is worth most now, or return the next piece of the last one."""
-        if self._pieces:
-            piece = self._pieces.pop(0)
-            return Composed(
-                destination=BROADCAST,
-                frame_bytes=piece,
-                object_stream=self._pieces_stream,
-                parts=(self._piece,),
-            )
-        for lane, _ in self.queue.candidates(now):
-            if lane.due_at <= now:
-                return self._packet(port, self.queue.take(lane, now))
-        return None
 
     def receive(
         self, opened: Opened, frame: ReceivedFrame, port: LinkPort, now: int
@@ -171,11 +147,11 @@ class RmwDesertProtocols(Profile):
     @property
     def is_idle(self) -> bool:
         """Whether nothing waits."""
-        return super().is_idle and not self._pieces
+        return super().is_idle and not self._sent.is_under_way
 
     def use_link(self, port: LinkPort, now: int) -> None:
         """Set the link's airtimes, and drop what is too large for it."""
-        self._pieces.clear()
+        self._sent.clear()
         capabilities = port.capabilities
         unit_ns = capabilities.airtime_ns(capabilities.mtu_bytes)
         unit_ns += seconds_to_ns(capabilities.propagation_s)
@@ -187,7 +163,7 @@ class RmwDesertProtocols(Profile):
 
     def link_up(self, now: int) -> None:
         """Drop the rest of a packet begun on another connection, and begin discovery."""
-        self._pieces.clear()
+        self._sent.clear()
         if self._packets is not None:
             self._packets.forget()
         self._discovery.begin(now)
@@ -213,25 +189,6 @@ class RmwDesertProtocols(Profile):
         if reason is not None:
             self._stats.drop(reason)
         return (message.stream_id,)
-
-    def _reported(self, report: TransmitReport, now: int) -> None:
-        """Drop the rest of a packet that has lost a piece."""
-        if report.outcome in (TransmitOutcome.REJECTED, TransmitOutcome.ABORTED):
-            self._pieces.clear()
-
-    def _packet(self, port: LinkPort, item: Waiting) -> Composed:
-        message = bytes((item.code,)) + item.head + item.payload
-        packet = port.envelope.wrap(message, BROADCAST)
-        self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(packet) - len(message))
-        self._stats.attribute(item.stream_id, Cause.HEADER, len(message) - len(item.payload))
-        self._stats.attribute(item.stream_id, Cause.PAYLOAD, len(item.payload))
-        count(self._stats.transmitted, item.stream_id)
-        most = port.capabilities.mtu_bytes
-        first, *self._pieces = [packet[at : at + most] for at in range(0, len(packet), most)]
-        self._pieces_stream = item.stream_id
-        return Composed(
-            destination=BROADCAST, frame_bytes=first, records=(item,), parts=(self._piece,)
-        )
 
     def _receive(self, source: int, message: Message, frame: ReceivedFrame, now: int) -> str | None:
         stream = self._context.table.get(message.stream_id)

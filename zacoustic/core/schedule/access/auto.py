@@ -34,6 +34,8 @@ class Auto(MediumAccess):
         method: Its word in the config.
     """
 
+    has_schedule = True
+
     def __init__(self, schedule: Tdma, otherwise: MediumAccess, method: str) -> None:
         self._schedule = schedule
         self._otherwise = otherwise

@@ -111,6 +111,9 @@ class MediumAccess(ABC):
 
     answers_to: int = BROADCAST
     """The node for which a frame of its own is meant, or `BROADCAST`."""
+    has_schedule: bool = False
+    """Whether it has a schedule, which depends on the clock: only then it has a state or a doubt,
+    and anything to review."""
 
     @property
     def is_scheduled(self) -> bool:

@@ -61,6 +61,8 @@ class Tdma(TurnAccess):
         ConfigError: A slot does not hold the largest frame and the guard.
     """
 
+    has_schedule = True
+
     def __init__(
         self, spec: TdmaSpec | ScheduleSpec, capabilities: LinkCapabilities, address: int
     ) -> None:

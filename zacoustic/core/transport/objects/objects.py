@@ -110,6 +110,8 @@ class Objects:
             moments=moments,
             most_ended=sizes.ended_transfers,
         )
+        self._sendings = self._outgoing.sendings
+        self._replies = self._incoming.replies
         self._timing: Timing | None = None
         self._fragment_bytes = 0
         self._last_fragment_at = 0
@@ -316,22 +318,22 @@ class Objects:
 
     def due_at(self, now: int) -> int | None:
         """Return the instant at which a frame with an object's record is due, ns, or None."""
-        if self._timing is None:
+        if self._timing is None or not (self._sendings or self._replies.waiting):
             return None
-        answer_at, fragment_at = self._incoming.due_at(now), self._fragment_due_at(now)
+        answer_at, fragment_at = self._replies.due_at(now), self._fragment_due_at(now)
         if answer_at is None or fragment_at is None:
             return fragment_at if answer_at is None else answer_at
         return min(answer_at, fragment_at)
 
     def owes_answer(self, now: int) -> bool:
         """Return whether feedback about an object is due or still in transmission."""
-        return self._incoming.owes_answer(now)
+        return self._replies.owes_answer(now)
 
     def offer(self, now: int) -> Offer | None:
         """Return the due record: feedback before a fragment."""
-        if self._timing is None:
+        if self._timing is None or not (self._sendings or self._replies.waiting):
             return None
-        destination = self._incoming.destination(now)
+        destination = self._replies.destination(now)
         if destination is not None:
             return Offer(
                 destination=destination,
@@ -355,11 +357,12 @@ class Objects:
 
     def has_fragment(self, now: int) -> bool:
         """Return whether a fragment is due."""
-        return self._timing is not None and self._sending(now) is not None
+        has_timing = self._timing is not None
+        return bool(self._sendings) and has_timing and self._sending(now) is not None
 
     def take_feedback(self, destination: int, room_bytes: int, now: int) -> Taken | None:
         """Take a due answer for this destination, if it fits."""
-        if room_bytes < FEEDBACK_BYTES:
+        if room_bytes < FEEDBACK_BYTES or not self._replies.waiting:
             return None
         taken = self._incoming.take(destination, now)
         if taken is None:
@@ -407,7 +410,7 @@ class Objects:
 
     def bulk_due_at(self, now: int) -> int | None:
         """Return the instant at which a fragment is due on the bulk service, ns, or None."""
-        if self._timing is None:
+        if self._timing is None or not self._sendings:
             return None
         sending, at = self._outgoing.next(now, bulk=True)
         return at if sending is not None else None
@@ -455,12 +458,12 @@ class Objects:
 
     def hold_until(self, now: int) -> int:
         """Return until when an answer is awaited that a frame would destroy, ns."""
-        return self._outgoing.listens_until(now)
+        return self._outgoing.listens_until(now) if self._sendings else now
 
     @property
     def quiet_until(self) -> int:
         """Instant until which fragments come; a frame of this node would cost one, ns."""
-        return self._incoming.quiet_until
+        return self._replies.quiet_until
 
     # Inputs
 
@@ -495,7 +498,7 @@ class Objects:
     @property
     def is_idle(self) -> bool:
         """Whether there is nothing to send."""
-        return not len(self._outgoing)
+        return not self._sendings
 
     @property
     def is_exclusive(self) -> bool:
@@ -521,12 +524,12 @@ class Objects:
         self._incoming.transmitted(place, report.finished_at, self._timing)
 
     def _fragment_due_at(self, now: int) -> int | None:
-        sending, at = self._outgoing.next(max(now, self._incoming.quiet_until))
+        sending, at = self._outgoing.next(max(now, self._replies.quiet_until))
         return at if sending is not None else None
 
     def _sending(self, now: int) -> Sending | None:
         """Return the object with a due fragment."""
-        if self._incoming.quiet_until > now:
+        if self._replies.quiet_until > now:
             return None
         sending, at = self._outgoing.next(now)
         return sending if at <= now else None

@@ -163,11 +163,11 @@ class DenseStreams:
 
     def due_at(self, now: int) -> int | None:
         """Return when to make a frame for an acknowledgement, ns; None: it is not worth one."""
-        return now if self._asking(now) is not None else None
+        return now if self._heard and self._asking(now) is not None else None
 
     def offer(self, now: int) -> Offer | None:
         """Offer a frame for an acknowledgement."""
-        source = self._asking(now)
+        source = self._asking(now) if self._heard else None
         if source is None:
             return None
         return Offer(destination=source, must_go=Cause.ACK, is_reply=True)
@@ -269,13 +269,15 @@ class DenseStreams:
 
     def _asking(self, now: int) -> int | None:
         """Return the source whose blocks are worth a frame with an acknowledgement, or None."""
+        for source, heard in self._heard.items():
+            if heard.row >= _WORTH_A_FRAME and self._listens_alone(source):
+                break
+        else:
+            return None
         listening = self._pacers.times.listening if self._pacers.times is not None else None
         if listening is not None and listening.next_invitation_at(now, now) is None:
             return None  # it would meet a frame of the source: its pauses are not known
-        for source, heard in self._heard.items():
-            if heard.row >= _WORTH_A_FRAME and self._listens_alone(source):
-                return source
-        return None
+        return source
 
     def _listens_alone(self, source: int) -> bool:
         """Return whether no other node listens to the blocks of a source."""

@@ -86,7 +86,8 @@ class IncomingObjects:
         self.lacks: Callable[[int, int], None] | None = None
         """Told ``(source, now)`` of an answer that asks a source for more of an object; None: there
         is no link yet."""
-        self._replies = Replies(rng, self._is_sayable)
+        self.replies = Replies(rng, self._is_sayable)
+        """The answers that wait for a frame; read-only."""
 
     def __len__(self) -> int:
         return len(self._transfers)
@@ -219,7 +220,7 @@ class IncomingObjects:
         for key in [key for key in self._told if key[0] == source]:
             self._told.pop(key)
         self._alone -= {key for key in self._alone if key[0] == source}
-        self._replies.forget(source)
+        self.replies.forget(source)
         self._endings.forget(source)
         self._losses.pop(source, None)
 
@@ -233,27 +234,14 @@ class IncomingObjects:
 
     # Answers
 
-    def due_at(self, now: int) -> int | None:
-        """Return the instant at which the next answer is due, ns, or None."""
-        return self._replies.due_at(now)
-
-    def destination(self, now: int) -> int | None:
-        """Return the destination of a due answer, or None."""
-        due = self._replies.due(now)
-        return due[0][0] if due else None
-
-    def owes_answer(self, now: int) -> bool:
-        """Return whether an answer is due or still in transmission."""
-        return self._replies.owes_answer(now)
-
     def take(self, destination: int, now: int) -> tuple[Feedback, TransferKey] | None:
         """Take a due answer for a destination; return it with the object's key, or None."""
-        for key in self._replies.due(now, destination):
+        for key in self.replies.due(now, destination):
             feedback = self._feedback(key)
             if feedback is None:
-                self._replies.drop(key)
+                self.replies.drop(key)
                 continue
-            self._replies.say(key)
+            self.replies.say(key)
             state = self._transfers.get(key)
             if state is None:
                 self._endings.told(key)
@@ -267,12 +255,7 @@ class IncomingObjects:
 
     def transmitted(self, key: TransferKey, finished_at: int, timing: Timing) -> None:
         """Record that the transmission of an answer has ended."""
-        self._replies.transmitted(key, finished_at, timing)
-
-    @property
-    def quiet_until(self) -> int:
-        """Instant until which any frame but an answer may cost a fragment or an answer, ns."""
-        return self._replies.quiet_until
+        self.replies.transmitted(key, finished_at, timing)
 
     # Below the methods above
 
@@ -515,18 +498,18 @@ class IncomingObjects:
             tell = alone and (refusal is not None or state is None or state.is_ending)
             tell = tell and not is_unwanted
             window = fragment.call is ListenHint.WINDOW
-            self._replies.goes_on(key, heard_at, timing, tell=tell, window=window)
+            self.replies.goes_on(key, heard_at, timing, tell=tell, window=window)
         elif is_unwanted:
-            self._replies.drop(key)
+            self.replies.drop(key)
         elif alone:
             loss = self._losses.get(source, 0.0)
-            self._replies.called(key, fragment.call, heard_at, timing, loss=loss)
+            self.replies.called(key, fragment.call, heard_at, timing, loss=loss)
         elif refusal is None or refusal.reason is not Reason.NOT_SUBSCRIBED:
             manifest = state.incoming.manifest if state else None
             admission = self._admission.admit(source, manifest.stream_id if manifest else 0)
             if manifest is None and not admission.is_wanted:
                 return  # probably not for this node
-            self._replies.called_among(
+            self.replies.called_among(
                 key,
                 fragment.call,
                 heard_at,

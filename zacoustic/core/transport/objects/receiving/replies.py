@@ -45,7 +45,8 @@ class Replies:
     def __init__(self, rng: random.Random, is_sayable: Callable[[TransferKey], bool]) -> None:
         self._rng = rng
         self._is_sayable = is_sayable
-        self._replies: dict[TransferKey, _Reply] = {}
+        self.waiting: dict[TransferKey, _Reply] = {}
+        """The answers that are due, or on the air; read-only."""
         self.quiet_until = 0
         """Instant until which fragments of another node, or an exchange with it, are expected,
         ns."""
@@ -57,7 +58,7 @@ class Replies:
         at = self._listens_at(call, heard_at, timing)
         copies = 1 + (loss > _LOSS_FOR_TWO) + (loss > _LOSS_FOR_THREE)
         in_time = 2 * timing.propagation_ns // timing.feedback_slot_ns
-        self._replies[key] = _Reply(at, min(copies, 1 + in_time))
+        self.waiting[key] = _Reply(at, min(copies, 1 + in_time))
 
     def called_among(
         self,
@@ -86,7 +87,7 @@ class Replies:
         slots = _SLOTS_EACH * rank + self._rng.random()
         if repeats:
             slots = self._rng.random() * _SLOTS_EACH * (others + 1)
-        self._replies[key] = _Reply(at + round(slots * timing.feedback_slot_ns), 1)
+        self.waiting[key] = _Reply(at + round(slots * timing.feedback_slot_ns), 1)
 
     def goes_on(
         self, key: TransferKey, heard_at: int, timing: Timing, *, tell: bool, window: bool
@@ -102,24 +103,29 @@ class Replies:
         """
         self.quiet_until = heard_at + timing.slot_ns + timing.pause_ns
         if not tell:
-            self._replies.pop(key, None)
+            self.waiting.pop(key, None)
         elif window:
             # Medium access decides when it starts.
-            self._replies[key] = _Reply(heard_at, 1, heard_at + 2 * timing.period_ns)
+            self.waiting[key] = _Reply(heard_at, 1, heard_at + 2 * timing.period_ns)
 
     def due_at(self, now: int) -> int | None:
         """Return the instant at which the next answer is due, ns, or None."""
-        if not self._replies:
+        if not self.waiting:
             return None
-        for key, reply in list(self._replies.items()):
+        for key, reply in list(self.waiting.items()):
             if reply.until is not None and reply.until < now and not reply.is_on_air:
-                del self._replies[key]
+                del self.waiting[key]
         return min((reply.at for _, reply in self._sayable()), default=None)
 
     def owes_answer(self, now: int) -> bool:
         """Return whether an answer is due or still in transmission."""
-        is_on_air = any(reply.is_on_air for reply in self._replies.values())
+        is_on_air = any(reply.is_on_air for reply in self.waiting.values())
         return is_on_air or self.due_at(now) is not None
+
+    def destination(self, now: int) -> int | None:
+        """Return the destination of a due answer, or None."""
+        due = self.due(now)
+        return due[0][0] if due else None
 
     def due(self, now: int, source: int | None = None) -> list[TransferKey]:
         """Return the objects with due feedback, for one source or for all."""
@@ -132,27 +138,27 @@ class Replies:
 
     def say(self, key: TransferKey) -> None:
         """Note that an answer is in the frame that goes now."""
-        self._replies[key].is_on_air = True
+        self.waiting[key].is_on_air = True
 
     def drop(self, key: TransferKey) -> None:
         """Drop the answer about an object."""
-        self._replies.pop(key, None)
+        self.waiting.pop(key, None)
 
     def forget(self, source: int) -> None:
         """Drop all answers to a source."""
-        for key in [key for key in self._replies if key[0] == source]:
+        for key in [key for key in self.waiting if key[0] == source]:
             self.drop(key)
 
     def transmitted(self, key: TransferKey, finished_at: int, timing: Timing) -> None:
         """Schedule the next copy of an answer after a transmission, if one is left."""
-        reply = self._replies.get(key)
+        reply = self.waiting.get(key)
         if reply is None:
             return
         reply.is_on_air = False
         reply.copies -= 1
         reply.at = finished_at + timing.gap_ns
         if reply.copies <= 0:
-            del self._replies[key]
+            del self.waiting[key]
 
     # Below the methods above
 
@@ -166,6 +172,6 @@ class Replies:
     def _sayable(self) -> list[tuple[TransferKey, _Reply]]:
         return [
             (key, reply)
-            for key, reply in self._replies.items()
+            for key, reply in self.waiting.items()
             if not reply.is_on_air and self._is_sayable(key)
         ]

@@ -129,7 +129,8 @@ class OutgoingObjects:
         moments: Moments,
     ) -> None:
         self._moments = moments
-        self._sendings: dict[int, Sending] = {}
+        self.sendings: dict[int, Sending] = {}
+        """The objects under way, by transfer; read-only."""
         self._numbers, self._most = numbers, most
         self._pacers = pacers
         self._timers = timers
@@ -149,11 +150,11 @@ class OutgoingObjects:
         pacers.released.connect(self._released)
 
     def __len__(self) -> int:
-        return len(self._sendings)
+        return len(self.sendings)
 
     def pending(self, stream_id: int) -> int:
         """Return how many objects of a stream are not yet delivered."""
-        return sum(each.stream_id == stream_id for each in self._sendings.values())
+        return sum(each.stream_id == stream_id for each in self.sendings.values())
 
     def peer_forgotten(self, address: int, now: int) -> None:
         """Forget the loss on the way to a node."""
@@ -204,7 +205,7 @@ class OutgoingObjects:
         outgoing = self._make(transfer, losses, manifest, fragments)
         outgoing.due_at = now
         lifespan_ns = None if order.lifespan_s is None else seconds_to_ns(order.lifespan_s)
-        sending = self._sendings[transfer] = Sending(
+        sending = self.sendings[transfer] = Sending(
             object_id=order.object_id,
             stream_id=order.stream_id,
             instance=order.instance,
@@ -229,7 +230,7 @@ class OutgoingObjects:
     def restore(self, transfer: int, order: StoredObject, place: StoredProgress) -> None:
         """Resume an object from an earlier boot epoch."""
         self.add(order, 0, transfer=transfer)
-        sending = self._sendings[transfer]
+        sending = self.sendings[transfer]
         sending.outgoing.resume(place.next_source, place.next_seed)
         sending.source_journalled, sending.seed_journalled = place.next_source, place.next_seed
 
@@ -240,7 +241,7 @@ class OutgoingObjects:
 
     def withdraw(self, object_id: int, state: ObjectState, detail: str, now: int) -> bool:
         """Withdraw an object; return False when it is not under way."""
-        for sending in self._sendings.values():
+        for sending in self.sendings.values():
             if sending.object_id == object_id and not sending.outgoing.is_withdrawn:
                 self._withdraw(sending, state, detail, now)
                 return True
@@ -248,12 +249,12 @@ class OutgoingObjects:
 
     def is_crossing(self, object_id: int) -> bool:
         """Return whether some of an object was transmitted, and a receiver is there."""
-        found = (each for each in self._sendings.values() if each.object_id == object_id)
+        found = (each for each in self.sendings.values() if each.object_id == object_id)
         return any(each.outgoing.is_crossing for each in found)
 
     def keep_only(self, stream_id: int, receivers: Set[int], detail: str, now: int) -> None:
         """Keep only these receivers of a stream's objects; `detail` is for those left without."""
-        for sending in list(self._sendings.values()):
+        for sending in list(self.sendings.values()):
             outgoing = sending.outgoing
             if sending.stream_id != stream_id or outgoing.is_withdrawn:
                 continue
@@ -282,7 +283,7 @@ class OutgoingObjects:
         """
         self._bulk_runs.hears_meanwhile = hears_meanwhile
         self._plain_bytes, self._bulk_bytes = fragment_bytes, bulk_bytes
-        for sending in list(self._sendings.values()):
+        for sending in list(self.sendings.values()):
             if sending.expires_at is None and sending.lifespan_ns is not None:
                 # Its age is unknown without a clock: its lifespan starts again.
                 self._expire_at(sending, now + sending.lifespan_ns)
@@ -301,7 +302,7 @@ class OutgoingObjects:
         """Set the priority of a stream's objects, or stop them."""
         self._priorities[stream_id] = priority
         (self._off.discard if on else self._off.add)(stream_id)
-        for sending in self._sendings.values():
+        for sending in self.sendings.values():
             if sending.stream_id == stream_id:
                 sending.priority = priority
 
@@ -312,12 +313,12 @@ class OutgoingObjects:
             now: The instant.
             bulk: By the bulk service; otherwise by the plain one.
         """
-        if not self._sendings:
+        if not self.sendings:
             return None, now
         quiet_until = self.listens_until(now)
         best: tuple[int, tuple[int, int]] | None = None
         chosen: Sending | None = None
-        for sending in self._sendings.values():
+        for sending in self.sendings.values():
             if not sending.may_go or sending.stream_id in self._off:
                 continue
             outgoing = sending.outgoing
@@ -412,7 +413,7 @@ class OutgoingObjects:
         if outgoing.listens:
             self._sent(outgoing, report.finished_at)
         is_in_vain = outgoing.reported(index, report, timing, self._silence_ns(sending))
-        if self._sendings.get(outgoing.transfer) is not sending or sending.outgoing is not outgoing:
+        if self.sendings.get(outgoing.transfer) is not sending or sending.outgoing is not outgoing:
             return
         address = outgoing.receiver
         if report.outcome is TransmitOutcome.DELIVERED and self._bulk_paths.works(address):
@@ -443,9 +444,9 @@ class OutgoingObjects:
     @property
     def is_exclusive(self) -> bool:
         """Whether the first of the objects that have begun is exclusive."""
-        if not self._sendings:
+        if not self.sendings:
             return False
-        going = (each for each in self._sendings.values() if each.stream_id not in self._off)
+        going = (each for each in self.sendings.values() if each.stream_id not in self._off)
         begun = [each for each in going if each.outgoing.transmitted]
         return bool(begun) and min(begun, key=lambda each: each.rank).exclusive
 
@@ -454,7 +455,7 @@ class OutgoingObjects:
     ) -> None:
         """Record that the transmission of a fragment has ended; `asks`: it requests feedback."""
         outgoing = sending.outgoing
-        if self._sendings.get(outgoing.transfer) is sending:
+        if self.sendings.get(outgoing.transfer) is sending:
             self._sent(outgoing, finished_at)
             silence_ns = self._silence_ns(sending)
             if asks:
@@ -469,14 +470,14 @@ class OutgoingObjects:
 
     def listens_until(self, now: int) -> int:
         """Return the instant until which an answer may come, ns; `now` if none is awaited."""
-        if not self._sendings:
+        if not self.sendings:
             return now
-        listening = (each.outgoing for each in self._sendings.values() if each.outgoing.listens)
+        listening = (each.outgoing for each in self.sendings.values() if each.outgoing.listens)
         return max((each.listens_until for each in listening), default=now)
 
     def answered(self, source: int, feedback: Feedback, now: int) -> bool:
         """Take a feedback; return False when it belongs to no object or is not new."""
-        sending = self._sendings.get(feedback.transfer)
+        sending = self.sendings.get(feedback.transfer)
         before = None if sending is None else sending.outgoing.standing(source)
         if sending is None or not sending.outgoing.answered(source, feedback, now):
             return False
@@ -498,7 +499,7 @@ class OutgoingObjects:
 
     def handed_on(self, object_id: int, address: int) -> None:
         """Note that an ACK of the topic shows that a receiver has delivered an object."""
-        for sending in list(self._sendings.values()):
+        for sending in list(self.sendings.values()):
             if sending.object_id == object_id and sending.outgoing.handed_on(address):
                 self._conclude(sending)
 
@@ -571,14 +572,14 @@ class OutgoingObjects:
         if not self._bulk_paths.fails(address, self._pacers.heard_at(address), now):
             return
         self._emit(BulkChanged(address=address, works=False, changed_at=now))
-        for each in list(self._sendings.values()):
+        for each in list(self.sendings.values()):
             other = each.outgoing
             if isinstance(other, BulkObject) and other.receiver == address and other.needs_bulk:
                 self._cut(each, self._plain_bytes, now)
 
     def _released(self, address: int, now: int) -> None:
         """Make due what waits for a receiver."""
-        for sending in self._sendings.values():
+        for sending in self.sendings.values():
             if address in sending.outgoing.views:
                 sending.allowance.back(now)
             sending.outgoing.release(address, now)
@@ -652,9 +653,9 @@ class OutgoingObjects:
         self._owner.stored(sending, now)
 
     def _free_transfer(self) -> int:
-        if len(self._sendings) >= self._most:
+        if len(self.sendings) >= self._most:
             raise QueueFullError(f"{self._most} objects are on their way already")
-        while self._next_transfer in self._sendings:
+        while self._next_transfer in self.sendings:
             self._next_transfer = (self._next_transfer + 1) % self._numbers
         transfer = self._next_transfer
         self._next_transfer = (transfer + 1) % self._numbers
@@ -686,8 +687,8 @@ class OutgoingObjects:
 
     def _end(self, sending: Sending) -> None:
         transfer = sending.outgoing.transfer
-        del self._sendings[transfer]
-        if not any(each.outgoing.is_bulk for each in self._sendings.values()):
+        del self.sendings[transfer]
+        if not any(each.outgoing.is_bulk for each in self.sendings.values()):
             self._bulk_runs.end()
         self._timers.cancel((Due.OBJECT, transfer))
         if sending.keeps:
