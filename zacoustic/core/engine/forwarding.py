@@ -10,6 +10,7 @@ import msgspec
 
 from zacoustic.core.base.linktypes import ReceivedFrame
 from zacoustic.core.base.parts import Offer
+from zacoustic.core.base.signals import Signal
 from zacoustic.core.bond.bonding import Bonding
 from zacoustic.core.relay.flooding import Flooding
 from zacoustic.core.relay.prober import Prober
@@ -50,6 +51,8 @@ class Forwarding:
         self._link = link
         self._bonds = dict(bonds)
         self._others = frozenset(others)
+        self.began = Signal[int]() if prober is None else prober.begun
+        """``(now)``: there is something to transmit, also if `carries` has said otherwise."""
         self._sources: list[ForwardingSource] = [
             *([] if relay is None else [relay]),
             *([] if prober is None else [prober]),
@@ -57,10 +60,13 @@ class Forwarding:
             *(each.outboxes[link] for each in bonds.values()),
         ]
 
+    @property
+    def carries(self) -> bool:
+        """Whether frames go by it from the beginning: more than probes, which go on command."""
+        return self._sources != [self._prober]
+
     def takes(self, records: bytes) -> bool:
-        """Return whether the content of a frame is for one of them."""
-        if not is_relayed(records):
-            return False
+        """Return whether the content of a relayed frame is for one of them."""
         if is_flooded(records):
             return self._flooding is not None
         return self._has_others or (self._prober is not None and decode_probe(records) is not None)

@@ -97,10 +97,13 @@ class LinkStack:
         self._seal = context.node.seal
         self._silence = silence
         self._trace = trace
+        carries = forwarding is not None and forwarding.carries
         self.protocols: Profile = _PROTOCOLS[context.table.wire](
-            context, rules, transports, forwarding
+            context, rules, transports, forwarding if carries else None
         )
         """The transports."""
+        if forwarding is not None and not carries:
+            forwarding.began.connect(partial(self._forward, forwarding))
         self._access_rng = context.generators.of("access")
         self._access = own.access
         self._max_airtime = own.max_airtime
@@ -274,10 +277,15 @@ class LinkStack:
 
     # Below the methods above
 
+    def _forward(self, forwarding: Forwarding, now: int) -> None:
+        """Begin to transmit what is forwarded: the first command has come."""
+        if self.protocols.frames.forwarding is None:
+            self.protocols.frames.forward(forwarding)
+
     def _is_relayed(self, opened: Opened) -> bool:
         """Return whether a frame is of a route or bond, or flooded, and not sealed on this hop."""
         forwarding, records = self._forwarding, opened.records
-        if forwarding is None or not forwarding.takes(records):
+        if not is_relayed(records) or forwarding is None or not forwarding.takes(records):
             return False
         return self._seal is None or forwarding.goes_in_clear(records)
 

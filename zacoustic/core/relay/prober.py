@@ -14,6 +14,7 @@ from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
 from zacoustic.core.base.parts import Offer
 from zacoustic.core.base.qos import PATIENCE_NS, Priority
+from zacoustic.core.base.signals import Signal
 from zacoustic.core.base.stats import NO_STREAM, Cause, EngineStats
 from zacoustic.core.schedule.sources import Forwarded
 from zacoustic.core.wire.relay import MOST_PROBES, PROBE_BYTES, Probe
@@ -46,6 +47,8 @@ class Prober:
         self._frame_ns = self._turn_ns = NS_PER_S  # until the link is up
         self._run = self._next = self._count = 0
         self._next_at = self._until = 0
+        self.begun = Signal[int]()
+        """``(now)``: a run begins, so that there are probes to transmit."""
         self._heard: dict[int, tuple[int, int]] = {}
         """The last run of each source, and a bit for each probe that was heard."""
 
@@ -77,6 +80,7 @@ class Prober:
             raise LocalError("another run of probes is under way")
         self._run, self._next, self._count = run, 0, count
         self._next_at, self._until = now + self._turn_ns, ends_at + _GRACE_NS
+        self.begun(now)
         return ends_at
 
     def handle(self, source: int, probe: Probe) -> None:

@@ -294,6 +294,12 @@ class Composer(Frames):
             parts=(taken.part, beat),
         )
 
+    def forward(self, source: ForwardingSource) -> None:
+        """Begin to transmit the frames of other links that go over this one."""
+        super().forward(source)
+        self._sources = (*self._sources[:-1], source, self.queue)
+        self._not_objects = (*self._not_objects[:-1], source, self.queue)
+
     def hold(self, stream_id: int, until: int) -> None:
         """Hold everything of a stream until an instant, ns: its airtime is used up."""
         super().hold(stream_id, until)

@@ -141,6 +141,10 @@ class Frames(ABC):
         """Make a frame that goes with a node's acknowledgement of bulk frames, or return None."""
         return None
 
+    def forward(self, source: ForwardingSource) -> None:
+        """Begin to transmit the frames of other links that go over this one."""
+        self.forwarding = source
+
     def hold(self, stream_id: int, until: int) -> None:
         """Hold everything of a stream until an instant, ns: its airtime is used up."""
         self.queue.hold(stream_id, until)
