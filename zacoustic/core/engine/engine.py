@@ -25,11 +25,9 @@ Who does what, on each link (`zacoustic.core.engine.linkstack`)::
     measurements ◄── handle_measurement, handle_frame
 
 A stream goes by the link, route or bond that `TransmitRules.links_of_streams` names, else by
-`default_link`, or the first link; so do remote commands. Ranges are measured on the first link. The
-handshake is one for all links.
+`default_link`, or the first link; so do remote commands. All links share one handshake.
 
-The wire profile of the stream table (`StreamTable.wire`) decides what is transmitted and
-understood. Medium access and airtime caps are the same for all profiles.
+Medium access and airtime caps are the same for both wire profiles (`StreamTable.wire`).
 """
 
 import random
@@ -60,7 +58,7 @@ from zacoustic.core.engine.floodport import FloodPort
 from zacoustic.core.engine.forwarding import Forwarding
 from zacoustic.core.engine.linkstack import LinkStack
 from zacoustic.core.engine.routeports import RoutePorts
-from zacoustic.core.peers.handshake import PeerSeen, StreamsDiffer
+from zacoustic.core.peers.handshake import PeerSeen
 from zacoustic.core.profiles.rules import LinkRules, TransmitRules
 from zacoustic.core.relay.paths import PathState
 from zacoustic.core.relay.relay import Hop
@@ -443,7 +441,8 @@ class Engine:
 
     def poll_journal(self) -> JournalWrite | None:
         """Return the next journal write."""
-        self._settle_event()
+        if self._handed_over is not None:
+            self._settle_event()
         return self._journal.poll()
 
     def poll_event(self) -> Event | None:
@@ -457,7 +456,8 @@ class Engine:
         self.clock.review(doubt, now)
         for stack in self._stacks.values():
             stack.transmitter.review(now)
-        self._settle_event()
+        if self._handed_over is not None:
+            self._settle_event()
         self._handed_over = self._events.popleft() if self._events else None
         return self._handed_over
 
@@ -566,6 +566,13 @@ class Engine:
         is_idle = all(stack.is_idle for stack in self._stacks.values())
         return is_idle and self.poll_timeout() is None
 
+    def heeds_carriers(self, link: str | None = None) -> bool:
+        """Return whether to poll after `handle_carrier`, as of the last `poll_timeout`.
+
+        False: nothing waited for the medium, so the carrier lets nothing go.
+        """
+        return self._has_tunnels or self._stack(link).transmitter.heeds_carriers
+
     @property
     def owes_acknowledgement(self) -> bool:
         """Whether an acknowledgement waits and this node may transmit."""
@@ -582,9 +589,8 @@ class Engine:
             LocalError: This engine was made without it.
         """
         made = self._stack(link).protocols.transports
-        for each in made.values():
-            if isinstance(each, kind):
-                return each
+        if found := [each for each in made.values() if isinstance(each, kind)]:
+            return found[0]
         names = ", ".join(made) or "none"
         raise LocalError(f"no transport {kind.name}; this engine has: {names}")
 
@@ -631,10 +637,10 @@ class Engine:
 
     def peers(self) -> dict[int, bool]:
         """Return the nodes heard so far, and whether each has confirmed this node's table."""
-        known = self._handshake.peers()
+        known, digest = self._handshake.peers(), self._handshake.digest
         if self._handshake.is_sealed:
-            return {each: peer.shares(self._handshake.digest) for each, peer in known.items()}
-        return {address: peer.confirmed_us for address, peer in known.items()}
+            return {each: peer.shares(digest) for each, peer in known.items()}
+        return {each: peer.confirmed_us for each, peer in known.items()}
 
     # Below the methods above
 
@@ -732,19 +738,13 @@ class Engine:
         """Emit the events about the sender of a frame."""
         for news in self._handshake.news:
             self._events.append(news)
-            self._trace_news(news, now)
+            if isinstance(news, PeerSeen):
+                detail = "same_table" if news.same_table else "other_table"
+                self._trace.note(now, "peer", peer=news.address, detail=detail)
+            else:
+                self._trace.note(now, "differ", peer=news.address, streams=(news.stream_id,))
         self._handshake.news.clear()
-
-    def _trace_news(self, news: PeerSeen | StreamsDiffer, now: int) -> None:
-        if isinstance(news, PeerSeen):
-            detail = "same_table" if news.same_table else "other_table"
-            self._trace.note(now, "peer", peer=news.address, detail=detail)
-        else:
-            self._trace.note(now, "differ", peer=news.address, streams=(news.stream_id,))
 
 
 def _sum(counters: Iterable[Mapping[int, int]]) -> dict[int, int]:
-    total: Counter[int] = Counter()
-    for counter in counters:
-        total.update(counter)
-    return dict(total)
+    return dict(sum(map(Counter, counters), Counter[int]()))

@@ -465,7 +465,7 @@ class LinkStack:
             envelope=envelope,
             measurements=self._context.node.measurements,
             most_outstanding=LONGEST_TRAIN if self._context.is_route else MOST_OUTSTANDING,
-            is_crowd=lambda: self._context.is_crowd,
+            is_crowd=self._context.is_crowd,
             max_airtime=self._max_airtime,
             answered=self._context.pacers.way,
         )

@@ -242,15 +242,15 @@ class Context:
         hear_medium(self.reception)
         self.peers.forgotten.connect(self.queue.peer_forgotten)
 
-    @property
     def is_crowd(self) -> bool:
-        """Whether at least two other nodes are known on this link, and not lost.
+        """Return whether at least two other nodes are known on this link, and not lost.
 
         When they were heard does not matter: whoever talks to another node is heard by nobody else
         where modems hand over only frames for their own node.
         """
         known, lost = self.others or self.peers, self.node.contact.lost
-        return len(known) - sum(each in known for each in lost) > 1
+        are_lost = sum(each in known for each in lost) if lost else 0
+        return len(known) - are_lost > 1
 
     @property
     def is_sealed(self) -> bool:

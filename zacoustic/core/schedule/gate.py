@@ -141,6 +141,14 @@ class Gate:
     ) -> None:
         self.is_up = is_up
         """Whether the link is up; written when its state changes."""
+        self.rides_back = port.rides_back
+        """Whether frames may ride back at all."""
+        self.speaks = port.access.speaks
+        """Whether medium access may get frames of its own."""
+        self.has_bulk = port.bulk is not None
+        """Whether there is a bulk service."""
+        self.is_wanted = True
+        """Whether anything wanted the link when `next_at` was asked last."""
         self._port = port
         self._frames = frames
         self._silence = silence
@@ -179,7 +187,7 @@ class Gate:
 
     def opens_to_granted(self, now: int) -> bool:
         """Return whether a frame of another link goes that may go in silence."""
-        wanted = self._granted_due(now)
+        wanted = self._granted_due(now) if self._frames.forwarding is not None else None
         return wanted is not None and self._in_silence.opens(wanted, now, holds=True)
 
     def opens_to_access(self, now: int) -> bool:
@@ -194,8 +202,6 @@ class Gate:
 
     def rides_back_to(self, now: int) -> int | None:
         """Return the node to which a frame rides back that is given now; None: to none."""
-        if not self._port.rides_back:
-            return None
         is_urgent = self._frames.is_urgent(now)
         address = self._port.rides_back_to(now, is_urgent=is_urgent)
         if address is None or not self.is_up or not self._frames.epoch.may_speak:
@@ -229,6 +235,7 @@ class Gate:
 
         It may be too early, never too late.
         """
+        self.is_wanted = True
         lane = self._silence.granted(now)
         if lane is not None:
             wanted = self._last_word_due(lane, now)
@@ -236,12 +243,15 @@ class Gate:
         if self._has_granted and self._silence.is_silent(now):
             wanted = self._granted_due(now)
             return None if wanted is None else self._in_silence.next_at(wanted, now)
+        ways = [(self._records_due(now), self._records)]
+        if self.speaks:
+            ways.append((self._access_due(now), self._of_access))
+        if self.has_bulk:
+            ways.append((self._bulk_due(now), self._of_bulk))
         earliest: int | None = None
-        for wanted, passage in (
-            (self._records_due(now), self._records),
-            (self._access_due(now), self._of_access),
-            (self._bulk_due(now), self._of_bulk),
-        ):
+        self.is_wanted = False
+        for wanted, passage in ways:
+            self.is_wanted |= wanted is not None
             at = None if wanted is None else passage.next_at(wanted, now)
             if at is not None and (earliest is None or at < earliest):
                 earliest = at
@@ -301,7 +311,7 @@ class Gate:
         return None if at is None else Wanted(at)
 
     def _bulk_due(self, now: int) -> Wanted | None:
-        if self._port.bulk is None or not self.is_up or not self._port.takes_bulk:
+        if not self.is_up or not self._port.takes_bulk:
             return None
         due_at = self._frames.bulk_due_at(now) if self._frames.epoch.may_speak else None
         return None if due_at is None else Wanted(due_at)

@@ -178,18 +178,21 @@ class Transmitter:
             if gate.opens_to_last_word(granted, now):
                 composed = frames.compose_only(port, granted, now)
                 self._silence.use_grant()
-        elif (address := gate.rides_back_to(now)) is not None and (
-            composed := frames.ride_back(address, port, now)
-        ) is not None:
+        elif (
+            gate.rides_back
+            and (address := gate.rides_back_to(now)) is not None
+            and (composed := frames.ride_back(address, port, now)) is not None
+        ):
             pass  # better than a frame of its own, which may meet one of that node
         elif gate.opens(now):
             composed = frames.compose(port, now)
         elif gate.opens_to_granted(now):
             composed = frames.compose_granted(port, now)
-        if composed is None and gate.opens_to_access(now):
+        if composed is None and gate.speaks and gate.opens_to_access(now):
             composed = frames.speak(port, now)
         service = Service.PLAIN
-        if composed is None and granted is None and gate.opens_to_bulk(now):
+        may_bulk = gate.has_bulk and granted is None
+        if composed is None and may_bulk and gate.opens_to_bulk(now):
             composed, service = frames.compose_bulk(port, now), Service.BULK
         if composed is None:
             return None
@@ -228,6 +231,14 @@ class Transmitter:
     def next_at(self, now: int) -> int | None:
         """Return the instant from which a frame can and should go, ns, or None."""
         return None if self._gate is None else self._gate.next_at(now)
+
+    @property
+    def heeds_carriers(self) -> bool:
+        """Whether the end of a carrier may have let something go, as of the last `next_at`."""
+        port, gate = self.port, self._gate
+        if port is None or gate is None:
+            return False
+        return gate.is_wanted or port.access.has_schedule
 
     def waits(self, now: int) -> Waits | None:
         """Return why the next frame waits; None: nothing waits, or it goes at once."""

@@ -34,6 +34,7 @@ class Auto(MediumAccess):
         method: Its word in the config.
     """
 
+    speaks = True
     has_schedule = True
 
     def __init__(self, schedule: Tdma, otherwise: MediumAccess, method: str) -> None:

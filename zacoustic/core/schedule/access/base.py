@@ -111,6 +111,8 @@ class MediumAccess(ABC):
 
     answers_to: int = BROADCAST
     """The node for which a frame of its own is meant, or `BROADCAST`."""
+    speaks: bool = False
+    """Whether its controls may need a frame of their own: otherwise `speak_at` is never asked."""
     has_schedule: bool = False
     """Whether it has a schedule, which depends on the clock: only then it has a state or a doubt,
     and anything to review."""

@@ -94,6 +94,8 @@ class _Times:
 class Polled(TurnAccess):
     """A node that transmits when it is polled."""
 
+    speaks = True
+
     def __init__(self, spec: PollingSpec, times: _Times, address: int) -> None:
         self.answers_to = spec.poller
         self._address = address
@@ -141,6 +143,8 @@ class Polled(TurnAccess):
 
 class Poller(TurnAccess):
     """The node that polls."""
+
+    speaks = True
 
     def __init__(self, spec: PollingSpec, times: _Times) -> None:
         self._nodes = spec.nodes

@@ -61,6 +61,7 @@ class Tdma(TurnAccess):
         ConfigError: A slot does not hold the largest frame and the guard.
     """
 
+    speaks = True
     has_schedule = True
 
     def __init__(
