@@ -28,7 +28,7 @@ from zacoustic.core.wire.calls import (
     encode_name,
 )
 from zacoustic.core.wire.exchanges import LONGEST_ERROR_TEXT_BYTES
-from zacoustic.core.wire.goals import GoalFailure, Refusal, decode_refusal
+from zacoustic.core.wire.goals import GoalFailure, GoalRefusal, decode_refusal
 from zacoustic.errors import QueueFullError
 
 SETTLING_NS = 5
@@ -77,21 +77,21 @@ def test_payload_that_is_no_error_is_none(payload: bytes) -> None:
 
 def test_text_that_is_no_utf_8_leaves_the_failure() -> None:
     assert decode_error(b"\x02\xff") == (CallFailure.NO_SERVER, "")
-    assert decode_refusal(b"\x09\xff") == Refusal(GoalFailure.CANCEL_REFUSED, "")
-    assert decode_refusal(b"\x0a\x03\xff") == Refusal(GoalFailure.CANCEL_REFUSED, "", 3)
+    assert decode_refusal(b"\x09\xff") == GoalRefusal(GoalFailure.CANCEL_REFUSED, "")
+    assert decode_refusal(b"\x0a\x03\xff") == GoalRefusal(GoalFailure.CANCEL_REFUSED, "", 3)
 
 
 def test_text_that_is_no_unicode_is_sent_with_a_question_mark() -> None:
     """A path or an error of the operating system may have it."""
     error = encode_error(CallFailure.HANDLER, "no \udcff")
     assert decode_error(error) == (CallFailure.HANDLER, "no ?")
-    refusal = Refusal(GoalFailure.REJECTED, "no \udcff").encode()
-    assert decode_refusal(refusal) == Refusal(GoalFailure.REJECTED, "no ?")
+    refusal = GoalRefusal(GoalFailure.REJECTED, "no \udcff").encode()
+    assert decode_refusal(refusal) == GoalRefusal(GoalFailure.REJECTED, "no ?")
 
 
 def test_a_goal_goes_on_when_nobody_knows_which_attempt_to_cancel_is_refused() -> None:
     assert decode_refusal(b"\x0a") is None
-    assert decode_refusal(b"\xee") == Refusal(GoalFailure.REJECTED, "")
+    assert decode_refusal(b"\xee") == GoalRefusal(GoalFailure.REJECTED, "")
 
 
 @given(st.sampled_from(CallKind), st.integers(0, 0xFFFF), st.integers(0, 0xFFFF), st.binary())

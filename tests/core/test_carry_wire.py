@@ -10,9 +10,9 @@ from zacoustic.core.wire.carry import (
     MOST_HOPS,
     NUMBERS,
     Bundle,
+    CarryRefusal,
     Envelope,
     Receipt,
-    Refusal,
     decode,
     decode_life,
     encode_answer,
@@ -40,7 +40,7 @@ def test_bytes_of_each_message() -> None:
     assert straight[:10].hex(" ") == "d0 05 11 22 ab cd 01 02 03 03"
     assert encode_answer(Receipt(BUNDLE, 7)).hex(" ") == "40 01 03 05 ab cd 00 00 07"
     other = Bundle(1, 3, 6, (8, 9), 0xABCD)
-    assert encode_answer(Refusal(other, 7)).hex(" ") == "80 01 03 06 ab cd 00 00 07 08 09"
+    assert encode_answer(CarryRefusal(other, 7)).hex(" ") == "80 01 03 06 ab cd 00 00 07 08 09"
 
 
 def test_floor_that_is_too_far_back_is_unknown() -> None:
@@ -81,14 +81,14 @@ def test_what_is_written_is_read(
     read = decode(encode_envelope(written, sender, receiver), sender, receiver, WILDCARDS)
     life_s = decode_life(encode_life(written.life_s))
     assert read == msgspec.structs.replace(written, life_s=life_s)
-    for answer in (Receipt(bundle, number), Refusal(bundle, number)):
+    for answer in (Receipt(bundle, number), CarryRefusal(bundle, number)):
         assert decode(encode_answer(answer), sender, receiver, WILDCARDS) == answer
 
 
 @given(st.binary(max_size=40))
 def test_random_bytes_are_read_or_refused(message: bytes) -> None:
     read = decode(message, 1, 2, WILDCARDS)
-    if isinstance(read, Receipt | Refusal):
+    if isinstance(read, Receipt | CarryRefusal):
         assert encode_answer(read) == message
     elif read is not None:
         assert read.floor is None or 0 <= read.floor <= read.number

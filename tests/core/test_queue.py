@@ -8,14 +8,16 @@ from zacoustic.core.base.qos import PATIENCE_NS, Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import QueuedRecord, TransmitQueue
 from zacoustic.errors import PayloadTooLargeError
 
 SECOND = seconds_to_ns(1)
 
 
-def item(stream_id: int, text: bytes = b"x", at: int = 0, expires_at: int | None = None) -> Waiting:
-    return Waiting(
+def item(
+    stream_id: int, text: bytes = b"x", at: int = 0, expires_at: int | None = None
+) -> QueuedRecord:
+    return QueuedRecord(
         stream_id=stream_id,
         destination=BROADCAST,
         payload=text,
@@ -201,7 +203,7 @@ def test_payload_that_is_not_taken_holds_back_its_lane_only() -> None:
 
 def test_payload_taken_back_by_its_head_is_gone() -> None:
     queue = TransmitQueue()
-    waiting = Waiting(stream_id=1, destination=2, payload=b"x", head=b"\x05", queued_at=0)
+    waiting = QueuedRecord(stream_id=1, destination=2, payload=b"x", head=b"\x05", queued_at=0)
     queue.push((1, 1, 2), waiting, Qos())
     assert not queue.remove((1, 1, 2), b"\x06")
     assert not queue.remove((9, 1, 2), b"\x05")

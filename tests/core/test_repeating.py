@@ -10,7 +10,7 @@ from zacoustic.core.base.timers import Timers
 from zacoustic.core.linktypes import TransmitOutcome, TransmitReport
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.pacers import Pacers
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import QueuedRecord, TransmitQueue
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.transport.exchanges.repeating import Repeater, Repetition
 
@@ -38,7 +38,9 @@ class Sea:
     def start(
         self, payload: bytes = b"x", *, destination: int = 2, until: int = FOREVER
     ) -> Repetition:
-        record = Waiting(stream_id=20, destination=destination, payload=payload, queued_at=self.now)
+        record = QueuedRecord(
+            stream_id=20, destination=destination, payload=payload, queued_at=self.now
+        )
         qos = Qos(depth=100)
         return self.repeater.start((20, 1, destination), record, qos, until=until)
 

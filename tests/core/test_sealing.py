@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from zacoustic.core.base.journal import JournalPort
-from zacoustic.core.peers.sealing import ANSWERED, USUAL, Inside, LongHeads, Refusal, Seal
+from zacoustic.core.peers.sealing import ANSWERED, USUAL, Inside, LongHeads, Seal, SealRefusal
 from zacoustic.core.wire.seal import (
     LAST_COUNTER,
     LAST_LIFE,
@@ -52,7 +52,7 @@ class Receiver:
         self.rng = rng
         self.disk: dict[str, bytes] = {}
         self.handed_on: list[bytes] = []
-        self.refused: list[Refusal] = []
+        self.refused: list[SealRefusal] = []
         self.now = 0
         self.start()
 
@@ -132,7 +132,7 @@ def test_what_is_sealed_is_opened_once_under_the_digest_of_its_table() -> None:
         seen.take(free, seal_way)
         seen.commit()
     assert seen.handed_on == [b"nav", b"stop"]
-    assert seen.refused == [Refusal.REPLAYED] * 2
+    assert seen.refused == [SealRefusal.REPLAYED] * 2
     assert (len(plain), len(free)) == (5 + 3 + 4, 5 + 4 + 8)
     assert len(seal.seal(b"nav", 255, DIGEST, 0)) == 1 + 3 + 4
 
@@ -145,7 +145,7 @@ def test_the_table_of_a_source_is_told_by_its_tag() -> None:
     def note(inside: Inside, now: int) -> None:
         opened.append(inside.digest)
 
-    assert receiver.seal.open(frame, Way(1, 2), DIGEST, 0, note) is Refusal.FORGED
+    assert receiver.seal.open(frame, Way(1, 2), DIGEST, 0, note) is SealRefusal.FORGED
     receiver.announced[1] = OTHER
     assert receiver.seal.open(frame, Way(1, 2), DIGEST, 0, note) is None
     receiver.commit()
@@ -156,7 +156,7 @@ def test_another_way_opens_nothing() -> None:
     frame, receiver = sender().seal(b"x", 2, DIGEST, 0), Receiver(2, random.Random(1))
     for way in (Way(3, 2), Way(1, 255), Way(1, 2, 1)):
         receiver.take(frame, way)
-    assert receiver.refused == [Refusal.FORGED] * 3
+    assert receiver.refused == [SealRefusal.FORGED] * 3
 
 
 def test_a_former_life_is_told() -> None:
@@ -167,7 +167,7 @@ def test_a_former_life_is_told() -> None:
     receiver.take(sender(4).seal(b"old", 255, DIGEST, 0), Way(1, 255))  # never heard there
     receiver.commit()
     assert receiver.handed_on == [b"new"]
-    assert receiver.refused == [Refusal.FORMER_LIFE, Refusal.FORMER_LIFE]
+    assert receiver.refused == [SealRefusal.FORMER_LIFE, SealRefusal.FORMER_LIFE]
 
 
 def test_another_computer_with_the_same_key_and_address_silences_the_older_one() -> None:
@@ -180,7 +180,7 @@ def test_another_computer_with_the_same_key_and_address_silences_the_older_one()
     for frame in (echo, former, forged, broken, b"", b"\x00"):
         assert seal.overhear_own(frame, way, DIGEST) is None
     assert seal.may_seal
-    assert seal.overhear_own(ahead, way, DIGEST) is Refusal.CLONE
+    assert seal.overhear_own(ahead, way, DIGEST) is SealRefusal.CLONE
     assert not seal.may_seal
     younger = sender(5, address=2)
     assert younger.overhear_own(echo, way, DIGEST) is None

@@ -181,7 +181,7 @@ class Reader:
         }
         if isinstance(said, carry.Receipt):
             return {"kind": "receipt", **found}
-        if isinstance(said, carry.Refusal):
+        if isinstance(said, carry.CarryRefusal):
             return {"kind": "refusal", **found, "final": said.is_final}
         found |= {"digest": said.digest.hex(), "floor": said.floor}
         if carry.is_direct(content):

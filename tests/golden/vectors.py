@@ -57,8 +57,8 @@ from zacoustic.core.wire.frame import Control, DenseAck, Sync
 from zacoustic.core.wire.goals import (
     REMINDER,
     UNKNOWN_RESULT,
+    GoalRefusal,
     Operation,
-    Refusal,
     encode_cancel,
     encode_head,
     encode_result,
@@ -467,14 +467,14 @@ def _goals() -> Iterator[Vector]:
             "goal_refused",
             Operation.REFUSED,
             None,
-            Refusal(GoalFailure.REJECTED, "too deep").encode(),
+            GoalRefusal(GoalFailure.REJECTED, "too deep").encode(),
             "goal 5 is REFUSED: rejected: too deep",
         ),
         (
             "goal_cancel_refused",
             Operation.REFUSED,
             None,
-            Refusal(GoalFailure.CANCEL_REFUSED, "").encode(),
+            GoalRefusal(GoalFailure.CANCEL_REFUSED, "").encode(),
             "the cancel of goal 5 is REFUSED",
         ),
         (
@@ -488,7 +488,7 @@ def _goals() -> Iterator[Vector]:
             "goal_cancel_again_refused",
             Operation.REFUSED,
             None,
-            Refusal(GoalFailure.CANCEL_REFUSED, "too deep", 1).encode(),
+            GoalRefusal(GoalFailure.CANCEL_REFUSED, "too deep", 1).encode(),
             "the cancel of goal 5 is REFUSED, attempt 1: too deep",
         ),
         (
@@ -633,9 +633,9 @@ def _carried() -> Iterator[Vector]:
     for name, source, destination, answer, meaning in (
         ("carried_receipt", _SHORE, _GLIDER, carry.Receipt(of_track, 0x010006),
          "node 1 has auv1/track before 65542"),
-        ("carried_refusal", _GLIDER, _AUV, carry.Refusal(of_sonar, 8),
+        ("carried_refusal", _GLIDER, _AUV, carry.CarryRefusal(of_sonar, 8),
          "node 3 does not keep 8 of deep/sonar"),
-        ("carried_refusal_final", _SHORE, _AUV, carry.Refusal(of_sonar, 8, is_final=True),
+        ("carried_refusal_final", _SHORE, _AUV, carry.CarryRefusal(of_sonar, 8, is_final=True),
          "node 1 defines deep/{sensor} in another way"),
     ):  # fmt: skip
         frame = sent(carry.encode_answer(answer), source, destination)

@@ -7,7 +7,7 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invaria
 from zacoustic.core.base.qos import PATIENCE_NS, Priority, Qos
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import QueuedRecord, TransmitQueue
 
 LONGEST_PATIENCE_NS = PATIENCE_NS[Priority.BACKGROUND]
 
@@ -23,7 +23,7 @@ class QueueMachine(RuleBasedStateMachine):
         self.now = 0
         self.serial = 0
         self.qos: dict[tuple[int, int], Qos] = {}
-        self.waiting: dict[tuple[int, int], list[Waiting]] = {}
+        self.waiting: dict[tuple[int, int], list[QueuedRecord]] = {}
         self.since: dict[tuple[int, int], int] = {}
         """Since when each waits, whatever has displaced what."""
         self.taken_at: dict[tuple[int, int], int] = {}
@@ -65,7 +65,7 @@ class QueueMachine(RuleBasedStateMachine):
         qos = self.qos[key]
         self.serial += 1
         life_s = qos.lifespan_s
-        item = Waiting(
+        item = QueuedRecord(
             stream_id=key[0],
             destination=BROADCAST,
             payload=self.serial.to_bytes(4, "big"),
@@ -172,7 +172,7 @@ def test_equals_share_the_channel_fairly(priority: Priority) -> None:
     sent = dict.fromkeys(range(1, 8), 0)
     for instant in range(7000):
         for stream_id in sent:
-            item = Waiting(
+            item = QueuedRecord(
                 stream_id=stream_id, destination=BROADCAST, payload=b"x", queued_at=instant
             )
             if not queue.pending(stream_id):

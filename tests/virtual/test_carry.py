@@ -34,9 +34,9 @@ from zacoustic.core.streams.carry import CARRY_STREAM_ID, Carry
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.carry import (
     Bundle,
+    CarryRefusal,
     Envelope,
     Receipt,
-    Refusal,
     encode_answer,
     encode_envelope,
 )
@@ -381,7 +381,7 @@ def test_forged_messages_have_no_lasting_effect(count: Callable[[int], int]) -> 
         number = rng.randrange(1 << 24)
         forged = rng.choice([
             encode_answer(Receipt(bundle, number)),
-            encode_answer(Refusal(bundle, rng.randrange(30))),
+            encode_answer(CarryRefusal(bundle, rng.randrange(30))),
             encode_envelope(
                 Envelope(bundle=bundle, number=number, floor=number, digest=b"xx", life_s=3600.0,
                          payload=b"forged"), MULE, SHIP,

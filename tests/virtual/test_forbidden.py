@@ -10,7 +10,7 @@ from tests.virtual.sealed import KEY, SealedFleet
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import CommandHandled, SampleReceived, SealAlarm
 from zacoustic.core.linktypes import BROADCAST, ReceivedFrame
-from zacoustic.core.peers.sealing import Refusal
+from zacoustic.core.peers.sealing import SealRefusal
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID, CommandKind, RemoteCommand
 from zacoustic.core.streams.specs import TopicSpec
@@ -52,7 +52,7 @@ def say(network: VirtualNetwork, stream_id: int, counter: int) -> None:
 def alarms(network: VirtualNetwork) -> list[tuple[int, int | None, int]]:
     """Return who was named by node 2, for which stream, and how often it did it."""
     told = [event for at, event in network.events if at == 2 and isinstance(event, SealAlarm)]
-    assert {each.refusal for each in told} <= {Refusal.FORBIDDEN}
+    assert {each.refusal for each in told} <= {SealRefusal.FORBIDDEN}
     return [(each.address, each.stream_id, each.frames) for each in told]
 
 

@@ -22,7 +22,7 @@ from zacoustic.core.engine.events import (
     SampleReceived,
     SealAlarm,
 )
-from zacoustic.core.peers.sealing import Refusal
+from zacoustic.core.peers.sealing import SealRefusal
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.schedule.silence import SilenceChanged
@@ -191,7 +191,7 @@ def test_a_node_that_asks_without_end_is_answered_for_a_share_of_the_day(flood: 
     # Beside it: answers to node 3, and the last frame that made the debt.
     assert paid_s < fleet.airtime_s() < paid_s + 30
     told = {(at, each.address, each.refusal, each.is_too_many) for _, at, each in fleet.alarms}
-    assert told == {(2, 1, Refusal.COSTLY, False)}
+    assert told == {(2, 1, SealRefusal.COSTLY, False)}
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from zacoustic.core.schedule.access import (
     PollingSpec,
     TdmaSpec,
 )
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import QueuedRecord, TransmitQueue
 from zacoustic.core.schedule.silence import QuietWindow
 from zacoustic.core.schedule.transmitter import Opening
 from zacoustic.core.streams.specs import TopicSpec
@@ -138,7 +138,7 @@ def test_airtime_of_a_stream() -> None:
 
 def test_replies_to_a_node_that_has_used_up_its_budget() -> None:
     queue = TransmitQueue()
-    item = Waiting(stream_id=10, destination=2, payload=b"", queued_at=0, is_reply=True)
+    item = QueuedRecord(stream_id=10, destination=2, payload=b"", queued_at=0, is_reply=True)
     queue.push((10, 1), item, Qos())
     assert queue.held(5) == (0, Why.LINGER)
     queue.hold_replies(2, 9 * S)

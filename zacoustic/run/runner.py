@@ -1,6 +1,6 @@
 """The asyncio shell around one engine: its links, one timer, the journal's thread.
 
-`LinkRunner` does what the contract at the top of `core/engine.py` asks of a driver and nothing
+`LinkRunner` does what the contract in `zacoustic.core.engine.engine` asks of a driver and nothing
 else. Every input and every command ends in `_service`: poll until dry, arm one timer. There is no
 polling, and no other task except those that open further links (`zacoustic.run.linkside`); while
 the engine is idle, the process sleeps.

@@ -11,7 +11,7 @@ from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.reliable.sending.sendlane import (
     JournalledSample,
-    Outgoing,
+    OutgoingSample,
     SendLane,
     Stage,
 )
@@ -30,7 +30,7 @@ def lane(*receivers: int, is_journalled: bool = False, next_number: int = 0) -> 
     )
 
 
-def add(to: SendLane, count: int = 1) -> list[Outgoing]:
+def add(to: SendLane, count: int = 1) -> list[OutgoingSample]:
     ids = range(to.next_number + 1, to.next_number + 1 + count)
     kept = [JournalledSample(each, b"", b"x", False) for each in ids]
     return [to.add(STREAM, each, queued_at=0, expires_at=None) for each in kept]

@@ -40,7 +40,7 @@ from zacoustic.core.base.linktypes import (
 )
 from zacoustic.core.base.stats import Entries, LinkStats
 from zacoustic.core.base.timers import Due
-from zacoustic.core.bond.outbox import Outbox, Waiting
+from zacoustic.core.bond.outbox import BondFrame, Outbox
 from zacoustic.core.bond.policy import LinkPolicy
 from zacoustic.core.bond.reach import PeerReach, Reach
 from zacoustic.core.bond.spec import Bond, BondLink
@@ -444,7 +444,7 @@ class Bonding:
             if sent is not None:
                 sent.ended(report, now)
 
-        waiting = Waiting(
+        waiting = BondFrame(
             frame.destination,
             make,
             now,
@@ -471,7 +471,7 @@ class Bonding:
             owed.append((index, seq))
         if is_due:
             make = partial(self._make_answer, source, index)
-            self.outboxes[link].put(Waiting(source, make, now, is_urgent=True), now)
+            self.outboxes[link].put(BondFrame(source, make, now, is_urgent=True), now)
 
     def _make_answer(self, source: int, index: int, room_bytes: int, now: int) -> bytes | None:
         """Make the frame that answers those of a node that have come by one link."""
@@ -614,7 +614,7 @@ class Bonding:
 
     def _ask(self, link: str, destination: int, now: int) -> None:
         make = partial(self._make_question, destination, self._take_number())
-        self.outboxes[link].put(Waiting(destination, make, now), now)
+        self.outboxes[link].put(BondFrame(destination, make, now), now)
 
     def _make_question(self, destination: int, seq: int, room_bytes: int, now: int) -> bytes:
         """Make a frame that only wants an answer; a sealed one holds padding."""

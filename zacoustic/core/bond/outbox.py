@@ -22,7 +22,7 @@ Make = Callable[[int, int], bytes | None]
 nothing is left to say."""
 
 
-class Waiting(msgspec.Struct, eq=False):
+class BondFrame(msgspec.Struct, eq=False):
     """A frame that waits."""
 
     destination: int
@@ -53,9 +53,9 @@ class Outbox:
 
     def __init__(self, stats: LinkStats) -> None:
         self._stats = stats
-        self._waiting: list[Waiting] = []
+        self._waiting: list[BondFrame] = []
 
-    def put(self, frame: Waiting, now: int) -> None:
+    def put(self, frame: BondFrame, now: int) -> None:
         """Let a frame wait for the link; the oldest may give way to it."""
         if len(self._waiting) >= MOST_WAITING:
             oldest = next((each for each in self._waiting if not each.is_urgent), self._waiting[0])
@@ -116,7 +116,7 @@ class Outbox:
 
     # Below the methods above
 
-    def _take(self, frame: Waiting, room_bytes: int, now: int) -> Forwarded | None:
+    def _take(self, frame: BondFrame, room_bytes: int, now: int) -> Forwarded | None:
         self._waiting.remove(frame)
         content = frame.make(room_bytes, now)
         if content is None or len(content) > room_bytes:
@@ -127,11 +127,11 @@ class Outbox:
         part = Part() if frame.ended is None else Part(reported=frame.ended)
         return Forwarded(content=content, part=part, is_urgent=frame.is_urgent)
 
-    def _first(self) -> Waiting:
+    def _first(self) -> BondFrame:
         return next((each for each in self._waiting if each.is_urgent), self._waiting[0])
 
 
-def _drop(frame: Waiting, now: int) -> None:
+def _drop(frame: BondFrame, now: int) -> None:
     if frame.ended is None:
         return
     report = TransmitReport(

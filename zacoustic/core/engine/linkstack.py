@@ -25,7 +25,7 @@ from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import Entries
 from zacoustic.core.base.trace import Tracer
 from zacoustic.core.engine.forwarding import Forwarding
-from zacoustic.core.peers.sealing import Inside, Refusal
+from zacoustic.core.peers.sealing import Inside, SealRefusal
 from zacoustic.core.profiles.native.protocols import Protocols
 from zacoustic.core.profiles.profile import Profile
 from zacoustic.core.profiles.rmw_desert.protocols import RmwDesertProtocols
@@ -44,11 +44,11 @@ from zacoustic.core.wire.envelope import Envelope, Opened
 from zacoustic.core.wire.relay import is_relayed
 from zacoustic.core.wire.seal import NO_TABLE, Way
 
-_MAYBE_UNSEALED: Final = (Refusal.UNSEALED, Refusal.FORGED, Refusal.OUT_OF_STEP)
+_MAYBE_UNSEALED: Final = (SealRefusal.UNSEALED, SealRefusal.FORGED, SealRefusal.OUT_OF_STEP)
 _PROTOCOLS: Final = {WireProfile.NATIVE: Protocols, WireProfile.RMW_DESERT: RmwDesertProtocols}
 
 
-class Outgoing(msgspec.Struct, frozen=True):
+class MadeFrame(msgspec.Struct, frozen=True):
     """A frame on its way to what is below a stack."""
 
     transmission: Transmission
@@ -213,7 +213,7 @@ class LinkStack:
         made = self.make_ranked(now)
         return None if made is None else made.transmission
 
-    def make_ranked(self, now: int) -> Outgoing | None:
+    def make_ranked(self, now: int) -> MadeFrame | None:
         """Return that frame, and what matters for its way."""
         made = self.transmitter.make(now)
         if made is None:
@@ -232,7 +232,7 @@ class LinkStack:
         is_urgent = composed.is_urgent or any(map(self._is_urgent, composed.streams))
         if is_urgent and transmission.service is Service.PLAIN:
             transmission = msgspec.structs.replace(transmission, is_urgent=True)
-        return Outgoing(
+        return MadeFrame(
             transmission,
             is_urgent,
             composed.expires_at,
@@ -355,7 +355,7 @@ class LinkStack:
         if refusal is None:
             return reason
         if refusal in _MAYBE_UNSEALED and self._take_unsealed(opened, frame, port, now):
-            refusal = Refusal.UNSEALED
+            refusal = SealRefusal.UNSEALED
         context.node.alarms.refused(refusal, opened.source, now)
         return refusal.value
 

@@ -18,7 +18,7 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.core.base.clock import seconds_to_ns
-from zacoustic.core.peers.sealing import USUAL, Refusal
+from zacoustic.core.peers.sealing import USUAL, SealRefusal
 
 FORGERIES: Final = 1 << 20
 """After this many refusals of one source, a forgery was accepted with odds of 1 in 4096."""
@@ -35,7 +35,7 @@ class SealAlarm(msgspec.Struct, frozen=True, kw_only=True):
 
     address: int
     """The node."""
-    refusal: Refusal
+    refusal: SealRefusal
     """Why."""
     frames: int
     """Refused frames for that reason since the start; records, if a stream is named."""
@@ -55,15 +55,15 @@ class SealAlarms:
     def __init__(self, emit: Callable[[Any], None]) -> None:
         self._emit = emit
         # By node, reason and stream: only nodes with the key make entries with a stream.
-        self._frames: dict[tuple[int, Refusal, int | None], int] = {}
-        self._told_at: dict[tuple[int, Refusal, int | None], int] = {}
+        self._frames: dict[tuple[int, SealRefusal, int | None], int] = {}
+        self._told_at: dict[tuple[int, SealRefusal, int | None], int] = {}
         self._in_a_row: dict[int, int] = {}
 
     def opened(self, address: int) -> None:
         """Note that a frame of a node was opened."""
         self._in_a_row.pop(address, None)
 
-    def refused(self, refusal: Refusal, address: int, now: int) -> None:
+    def refused(self, refusal: SealRefusal, address: int, now: int) -> None:
         """Count a refused frame; report it unless the same was reported recently.
 
         Args:
@@ -72,10 +72,10 @@ class SealAlarms:
             now: The instant.
         """
         frames = self._count(address, refusal, None)
-        if refusal in (Refusal.REPLAYED, Refusal.OUT_OF_STEP):
+        if refusal in (SealRefusal.REPLAYED, SealRefusal.OUT_OF_STEP):
             return
         in_a_row = self._in_a_row[address] = self._in_a_row.get(address, 0) + 1
-        if refusal is Refusal.FORGED and in_a_row < _IN_A_ROW and frames < FORGERIES:
+        if refusal is SealRefusal.FORGED and in_a_row < _IN_A_ROW and frames < FORGERIES:
             return
         self._tell(address, refusal, None, now)
 
@@ -87,8 +87,8 @@ class SealAlarms:
             stream_id: The stream of the record.
             now: The instant.
         """
-        self._count(address, Refusal.FORBIDDEN, stream_id)
-        self._tell(address, Refusal.FORBIDDEN, stream_id, now)
+        self._count(address, SealRefusal.FORBIDDEN, stream_id)
+        self._tell(address, SealRefusal.FORBIDDEN, stream_id, now)
 
     def costly(self, address: int, now: int) -> None:
         """Count something of a node beyond its reply budget, and report it likewise.
@@ -97,15 +97,15 @@ class SealAlarms:
             address: The node.
             now: The instant.
         """
-        self._count(address, Refusal.COSTLY, None)
-        self._tell(address, Refusal.COSTLY, None, now)
+        self._count(address, SealRefusal.COSTLY, None)
+        self._tell(address, SealRefusal.COSTLY, None, now)
 
-    def _count(self, address: int, refusal: Refusal, stream_id: int | None) -> int:
+    def _count(self, address: int, refusal: SealRefusal, stream_id: int | None) -> int:
         key = (address, refusal, stream_id)
         self._frames[key] = self._frames.get(key, 0) + 1
         return self._frames[key]
 
-    def _tell(self, address: int, refusal: Refusal, stream_id: int | None, now: int) -> None:
+    def _tell(self, address: int, refusal: SealRefusal, stream_id: int | None, now: int) -> None:
         key = (address, refusal, stream_id)
         frames, told_at = self._frames[key], self._told_at.get(key)
         if told_at is None or now - told_at >= _TELL_EVERY_NS or frames == FORGERIES:
@@ -116,7 +116,7 @@ class SealAlarms:
                     refusal=refusal,
                     frames=frames,
                     is_too_many=stream_id is None
-                    and refusal is not Refusal.COSTLY
+                    and refusal is not SealRefusal.COSTLY
                     and frames >= FORGERIES,
                     stream_id=stream_id,
                 )

@@ -71,7 +71,7 @@ IN_VAIN: Final = LongHeads(16, seconds_to_ns(20.0))
 """Among fragments whose only receiver has not answered."""
 
 
-class Refusal(Enum):
+class SealRefusal(Enum):
     """Why a frame was not opened: a word for the statistics."""
 
     UNSEALED = "unsealed"
@@ -292,7 +292,7 @@ class Seal:
         own_digest: bytes,
         now: int,
         then: Callable[[Inside, int], None],
-    ) -> Refusal | None:
+    ) -> SealRefusal | None:
         """Open a frame for this node.
 
         Args:
@@ -309,23 +309,23 @@ class Seal:
         """
         sealed = parse_sealed(frame)
         if sealed is None:
-            return Refusal.UNSEALED
+            return SealRefusal.UNSEALED
         way = msgspec.structs.replace(way, strong=is_strong(sealed.head))
         window = self._windows.get(way) or Window()
         floor = self._floors.get(way.source, -1)
-        refusal = Refusal.OUT_OF_STEP
+        refusal = SealRefusal.OUT_OF_STEP
         generation = self._cipher.generation
         generation -= (generation ^ sealed.head.generation) & 1  # this one, or the previous one
         for start, counter in window.candidates(sealed.head, generation, floor):
             number = nonce(way, life_of(start), counter)
             opened = self._try(sealed, way, number, life_of(start), own_digest)
             if opened is None:
-                refusal = Refusal.FORGED
+                refusal = SealRefusal.FORGED
                 continue
             if start < floor:
-                return Refusal.FORMER_LIFE
+                return SealRefusal.FORMER_LIFE
             if not window.is_new(start, counter):
-                return Refusal.REPLAYED
+                return SealRefusal.REPLAYED
             window.note(start, counter)
             self._windows[way] = window
             self._floors[way.source] = start
@@ -333,7 +333,7 @@ class Seal:
             return None
         return refusal
 
-    def overhear_own(self, frame: bytes, way: Way, own_digest: bytes) -> Refusal | None:
+    def overhear_own(self, frame: bytes, way: Way, own_digest: bytes) -> SealRefusal | None:
         """Examine a frame of this node's own address: an echo, a forgery, or a clone's frame.
 
         Args:
@@ -353,7 +353,7 @@ class Seal:
         if self._try(sealed, way, number, head.life, own_digest) is None:
             return None
         self.is_cloned = True
-        return Refusal.CLONE
+        return SealRefusal.CLONE
 
     # Below the methods above
 

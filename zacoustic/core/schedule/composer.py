@@ -36,7 +36,7 @@ from zacoustic.core.schedule.filling import Filling
 from zacoustic.core.schedule.frames import Composed, Frames
 from zacoustic.core.schedule.linkseal import Closing, Unsealed
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import Lane, LaneKey, TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import Lane, LaneKey, QueuedRecord, TransmitQueue
 from zacoustic.core.schedule.sources import (
     DenseSource,
     ExtensionSource,
@@ -446,7 +446,7 @@ class Composer(Frames):
         now: int,
         *,
         closing: Closing,
-        records: tuple[Waiting, ...] = (),
+        records: tuple[QueuedRecord, ...] = (),
         object_stream: int | None = None,
         parts: Sequence[Part] = (),
         is_pressing: bool = False,
@@ -572,7 +572,7 @@ class Composer(Frames):
             self._stats.drop("oversized")
 
     def _agree(
-        self, draft: "_Draft", offer: Offer, first: tuple[Lane, Waiting] | None, now: int
+        self, draft: "_Draft", offer: Offer, first: tuple[Lane, QueuedRecord] | None, now: int
     ) -> bool:
         """Add the introduction and what is owed, beside the first payload of the frame.
 
@@ -643,7 +643,7 @@ class Composer(Frames):
         """Return whether so many bytes wait, or will: then a pause is worth its announcement."""
         return self._dense.fills_link or self.queue.has_bytes(least_bytes)
 
-    def _concerning(self, offer: Offer, now: int) -> Iterator[tuple[Lane, Waiting]]:
+    def _concerning(self, offer: Offer, now: int) -> Iterator[tuple[Lane, QueuedRecord]]:
         """Yield the candidates that the frame may carry."""
         to_all = offer.takes_all or offer.destination == BROADCAST
         for lane, item in self.queue.candidates(now, offer.lane):

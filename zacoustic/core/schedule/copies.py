@@ -17,7 +17,7 @@ import random
 from typing import Final
 
 from zacoustic.core.base.qos import Priority
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.schedule.timing import LinkTimes
 
 MOST_COPIES: Final = {Priority.REAL_TIME: 4, Priority.INTERACTIVE_HIGH: 2}
@@ -33,7 +33,12 @@ _MOST_PAUSES: Final = 4
 
 
 def follow(
-    record: Waiting, priority: Priority, tries: int, times: LinkTimes, at: int, rng: random.Random
+    record: QueuedRecord,
+    priority: Priority,
+    tries: int,
+    times: LinkTimes,
+    at: int,
+    rng: random.Random,
 ) -> bool:
     """Return whether a record that was just sent is sent again at once, and mark it.
 

@@ -13,7 +13,7 @@ fits no frame may still be small beside a reference: it goes in a block only.
 
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.stats import Cause, EngineStats, count
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.schedule.sources import DenseSource
 from zacoustic.core.values.dense import Encoded
 from zacoustic.core.wire.frame import DELIMITER_BYTES, LONGEST_DELIMITED_BYTES, Control
@@ -44,15 +44,15 @@ class Filling:
         self._now = now
         self._dense = dense
         self._introduced = introduced
-        self._records: list[Waiting] = []
+        self._records: list[QueuedRecord] = []
         self._used_bytes = 0
         self._ends = 0
-        self._last: Waiting | None = None
-        self._samples: list[Waiting] = []
+        self._last: QueuedRecord | None = None
+        self._samples: list[QueuedRecord] = []
         self._block: Encoded | None = None
 
     @property
-    def items(self) -> tuple[Waiting, ...]:
+    def items(self) -> tuple[QueuedRecord, ...]:
         """All payloads taken."""
         return (*self._records, *self._samples)
 
@@ -67,7 +67,7 @@ class Filling:
         delimiters_bytes = DELIMITER_BYTES * max(0, self._ends - (not self._samples))
         return self._room_bytes - self._used_bytes - delimiters_bytes - self._samples_bytes()
 
-    def add(self, item: Waiting) -> bool:
+    def add(self, item: QueuedRecord) -> bool:
         """Take a payload if it fits beside the others; return whether it does."""
         needs_end = self._needs_end(item)
         must_be_last = needs_end and item.size_bytes > LONGEST_DELIMITED_BYTES
@@ -111,10 +111,10 @@ class Filling:
 
     # Below the methods above
 
-    def _needs_end(self, item: Waiting) -> bool:
+    def _needs_end(self, item: QueuedRecord) -> bool:
         return item.needs_end(introduced=self._introduced)
 
-    def _add_sample(self, item: Waiting) -> bool:
+    def _add_sample(self, item: QueuedRecord) -> bool:
         samples = [*self._samples, item]
         others_bytes = self._used_bytes + DELIMITER_BYTES * self._ends
         room_bytes = self._room_bytes - others_bytes
@@ -131,7 +131,7 @@ class Filling:
             return len(self._block.frame)
         return self._packed_bytes(self._samples)
 
-    def _packed_bytes(self, samples: list[Waiting]) -> int:
+    def _packed_bytes(self, samples: list[QueuedRecord]) -> int:
         """Return the size of the samples as records beside other records that all have an end.
 
         The last record of a frame needs no end, but every record before a block does.
@@ -143,7 +143,7 @@ class Filling:
         ends = max(0, self._ends + needed - 1) - self._ends
         return sum(item.size_bytes for item in samples) + DELIMITER_BYTES * ends
 
-    def _write(self, samples: list[Waiting], room_bytes: int) -> Encoded | None:
+    def _write(self, samples: list[QueuedRecord], room_bytes: int) -> Encoded | None:
         if room_bytes <= 0:
             return None
         return self._dense.encode(samples, self._destination, room_bytes, self._now)
@@ -162,7 +162,7 @@ class Filling:
             self._dense.savings.book(packed_bytes - len(block.frame))
         return block
 
-    def _record(self, item: Waiting, is_last: bool, stats: EngineStats) -> bytes:
+    def _record(self, item: QueuedRecord, is_last: bool, stats: EngineStats) -> bytes:
         record = bytearray(item.sync + item.prefix)
         if self._destination == BROADCAST:
             record += item.address
@@ -195,7 +195,7 @@ class Filling:
             count(stats.transmitted, item.stream_id)
 
 
-def _open_end_last(chosen: list[Waiting], *, introduced: bool) -> list[Waiting]:
+def _open_end_last(chosen: list[QueuedRecord], *, introduced: bool) -> list[QueuedRecord]:
     """Move one record that needs an end to the last place; keep the order within a stream."""
     open_ended = [item for item in chosen if item.needs_end(introduced=introduced)]
     if not open_ended:

@@ -14,7 +14,7 @@ from zacoustic.core.base.parts import Part
 from zacoustic.core.base.waits import Why
 from zacoustic.core.peers.bootepoch import BootEpoch
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import LaneKey, QueuedRecord, TransmitQueue
 from zacoustic.core.schedule.sources import ForwardingSource
 
 
@@ -25,7 +25,7 @@ class Composed(msgspec.Struct, frozen=True, kw_only=True):
     """Address, or `BROADCAST`."""
     frame_bytes: bytes
     """With envelope."""
-    records: tuple[Waiting, ...] = ()
+    records: tuple[QueuedRecord, ...] = ()
     """Its records in their order, without a fragment."""
     object_stream: int | None = None
     """The stream of the fragment in it, or None."""

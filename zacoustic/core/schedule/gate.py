@@ -41,7 +41,7 @@ Allows: TypeAlias = Callable[[Wanted, int, int], int | None]
 """``(wanted, at, now)``: the earliest instant not before `at`, ns; None: unknown."""
 
 
-class Reason:
+class WaitReason:
     """A reason for which a frame may wait.
 
     Args:
@@ -73,7 +73,7 @@ class Passage:
 
     __slots__ = ("_reasons",)
 
-    def __init__(self, reasons: Sequence[Reason]) -> None:
+    def __init__(self, reasons: Sequence[WaitReason]) -> None:
         self._reasons = tuple(reasons)
 
     def opens(self, wanted: Wanted, now: int, *, holds: bool = False) -> bool:
@@ -152,15 +152,17 @@ class Gate:
         self._port = port
         self._frames = frames
         self._silence = silence
-        gap = Reason(port.after_gap, Why.MODEM)
+        gap = WaitReason(port.after_gap, Why.MODEM)
         medium = [gap]
         if port.capabilities.bulk is not None:
-            medium.append(Reason(port.after_burst, Why.BURST))
+            medium.append(WaitReason(port.after_burst, Why.BURST))
         if port.capabilities.half_duplex:
-            medium.append(Reason(port.after_pause, Why.PAUSE))
-        medium.append(Reason(port.by_access, port.why_not_by_access, port.access.handle_waiting))
-        silent = Reason(silence.after_silence, Why.SILENCE)
-        spent = Reason(airtime.after_debt, Why.AIRTIME)
+            medium.append(WaitReason(port.after_pause, Why.PAUSE))
+        medium.append(
+            WaitReason(port.by_access, port.why_not_by_access, port.access.handle_waiting)
+        )
+        silent = WaitReason(silence.after_silence, Why.SILENCE)
+        spent = WaitReason(airtime.after_debt, Why.AIRTIME)
         self._records = Passage([spent, *medium, silent])
         self._in_silence = Passage(medium)
         self._of_access = Passage([gap, silent])

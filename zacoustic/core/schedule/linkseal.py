@@ -18,7 +18,7 @@ from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.sealing import ANSWERED, IN_VAIN, USUAL, LongHeads, Seal
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.schedule.replybudget import REPLY_SHARE
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import Stream, StreamTable
@@ -105,7 +105,7 @@ class Unsealed:
     def settle(
         self,
         destination: int,
-        first: Waiting | None,
+        first: QueuedRecord | None,
         priority: Priority | None,
         now: int,
         *,
@@ -124,7 +124,7 @@ class Unsealed:
         """
         return _OPEN
 
-    def admits(self, item: Waiting, closing: Closing) -> bool:
+    def admits(self, item: QueuedRecord, closing: Closing) -> bool:
         """Return whether a payload may be in a frame with this closing."""
         return True
 
@@ -149,7 +149,7 @@ class Unsealed:
         closing: Closing,
         now: int,
         *,
-        items: Sequence[Waiting] = (),
+        items: Sequence[QueuedRecord] = (),
         needs_no_table: bool = False,
         padded_to: int | None = None,
     ) -> bytes:
@@ -224,7 +224,7 @@ class LinkSeal(Unsealed):
     def settle(
         self,
         destination: int,
-        first: Waiting | None,
+        first: QueuedRecord | None,
         priority: Priority | None,
         now: int,
         *,
@@ -240,7 +240,7 @@ class LinkSeal(Unsealed):
             return Closing(LONG_HEAD_BYTES + TAG_BYTES, long=True)
         return Closing(SHORT_HEAD_BYTES + TAG_BYTES, long_heads=_long_heads(answered))
 
-    def admits(self, item: Waiting, closing: Closing) -> bool:
+    def admits(self, item: QueuedRecord, closing: Closing) -> bool:
         """Return whether a payload may be in a frame with this closing."""
         return closing.strong or not self._is_strong(item)
 
@@ -260,7 +260,7 @@ class LinkSeal(Unsealed):
         closing: Closing,
         now: int,
         *,
-        items: Sequence[Waiting] = (),
+        items: Sequence[QueuedRecord] = (),
         needs_no_table: bool = False,
         padded_to: int | None = None,
     ) -> bytes:
@@ -298,11 +298,11 @@ class LinkSeal(Unsealed):
 
     # Below the methods above
 
-    def _is_built_in(self, item: Waiting) -> bool:
+    def _is_built_in(self, item: QueuedRecord) -> bool:
         stream = self._table.get(item.stream_id)  # a waiting control has none
         return stream is not None and stream.is_built_in
 
-    def _is_strong(self, item: Waiting) -> bool:
+    def _is_strong(self, item: QueuedRecord) -> bool:
         stream = self._table.get(item.stream_id)
         # An answer about something outside the table is of no kind.
         return stream is not None and self._kind(stream) in self._rules.strong

@@ -82,7 +82,7 @@ class Spread:
         return round(self._drawn * min(self.most_ns, period_ns // _SPREAD_PARTS))
 
 
-class Waiting:
+class QueuedRecord:
     """A waiting payload, with the parts of its record.
 
     Args:
@@ -253,8 +253,8 @@ class Lane:
         self._period_ns = 0
         self._steady = 0
         """How many intervals in a row were equal to the one before."""
-        self.items: deque[Waiting] = deque()
-        self.notable: dict[int, Waiting] = {}
+        self.items: deque[QueuedRecord] = deque()
+        self.notable: dict[int, QueuedRecord] = {}
         """Its copies and acknowledgements, by identity."""
         self.destination = BROADCAST
         """The destination of its last payload."""
@@ -310,14 +310,14 @@ class Lane:
         """The instant at which the first payload is a reason to send, ns."""
         return max(self.waits_since + max(self.linger_ns, self._spread_ns), self.next_at)
 
-    def first_at(self, now: int) -> Waiting | None:
+    def first_at(self, now: int) -> QueuedRecord | None:
         """Return the first payload that has not expired, or None."""
         for item in self.items:
             if item.expires_at is None or item.expires_at > now:
                 return item
         return None
 
-    def add(self, item: Waiting) -> None:
+    def add(self, item: QueuedRecord) -> None:
         """Add a payload; a repetition goes before what waits for the minimum interval."""
         spread_ns = self._drawn_ns(item)
         if not self.items:
@@ -331,7 +331,7 @@ class Lane:
         if item.is_copy or item.cause is Cause.ACK:
             self.notable[id(item)] = item
 
-    def _drawn_ns(self, item: Waiting) -> int:
+    def _drawn_ns(self, item: QueuedRecord) -> int:
         """Return how long a payload lingers because others tick with it, ns."""
         is_sample = len(self.key) > 1 and self.key[1] == SAMPLE_LANE
         if not is_sample or item.cause is Cause.REPEAT or self.patience_ns == _BEFORE_ALL:
@@ -346,7 +346,7 @@ class Lane:
             period_ns = min(period_ns, item.expires_at - item.queued_at)
         return self._spread.draw_ns(period_ns, item.queued_at) if is_long else 0
 
-    def take(self, now: int) -> Waiting:
+    def take(self, now: int) -> QueuedRecord:
         """Remove the first payload for transmission."""
         item = self.drop_first()
         if item.cause is not Cause.REPEAT:
@@ -354,13 +354,13 @@ class Lane:
         self._go_on()
         return item
 
-    def drop_first(self) -> Waiting:
+    def drop_first(self) -> QueuedRecord:
         """Remove the first payload; the next one takes over its place."""
         item = self.items.popleft()
         self._left(item)
         return item
 
-    def remove(self, item: Waiting) -> None:
+    def remove(self, item: QueuedRecord) -> None:
         """Remove a payload that must not go any more."""
         if item is self.items[0]:
             self.drop_first()
@@ -374,7 +374,7 @@ class Lane:
         while self.items:
             self.drop_first()
 
-    def limit(self, largest_bytes: int) -> list[Waiting]:
+    def limit(self, largest_bytes: int) -> list[QueuedRecord]:
         """Remove and return the payloads that are larger, as record and in a block."""
         dropped = [item for item in self.items if item.least_bytes > largest_bytes]
         for item in dropped:
@@ -382,7 +382,7 @@ class Lane:
         self.items = deque(item for item in self.items if item.queued_in is self)
         return dropped
 
-    def _left(self, item: Waiting) -> None:
+    def _left(self, item: QueuedRecord) -> None:
         item.queued_in = None
         self.notable.pop(id(item), None)
 
@@ -396,7 +396,7 @@ def _due_at(lane: Lane) -> int:
     return lane.due_at
 
 
-def _is_repetition(item: Waiting) -> bool:
+def _is_repetition(item: QueuedRecord) -> bool:
     return item.cause is Cause.REPEAT
 
 
@@ -486,11 +486,11 @@ class TransmitQueue:
                 hint=hint,
             )
 
-    def fits(self, item: Waiting) -> bool:
+    def fits(self, item: QueuedRecord) -> bool:
         """Return whether a record, or a block of it, fits a frame of the link."""
         return self.largest_bytes is None or item.least_bytes <= self.largest_bytes
 
-    def push(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
+    def push(self, key: LaneKey, item: QueuedRecord, qos: Qos) -> None:
         """Add a payload to its lane; if the lane is deeper than `qos.depth`, drop the oldest.
 
         The caller makes sure that it `fits`: otherwise it would wait for ever.
@@ -552,18 +552,18 @@ class TransmitQueue:
         self._settle(lane)
         return True
 
-    def holds(self, key: LaneKey, item: Waiting) -> bool:
+    def holds(self, key: LaneKey, item: QueuedRecord) -> bool:
         """Return whether a payload waits."""
         return item.queued_in is not None and item.queued_in is self._busy.get(key)
 
-    def discard(self, key: LaneKey, item: Waiting) -> None:
+    def discard(self, key: LaneKey, item: QueuedRecord) -> None:
         """Remove one payload if it waits."""
         if self.holds(key, item):
             lane = self._busy[key]
             lane.remove(item)
             self._settle(lane)
 
-    def replace(self, key: LaneKey, item: Waiting, qos: Qos) -> None:
+    def replace(self, key: LaneKey, item: QueuedRecord, qos: Qos) -> None:
         """Replace what waits in a lane with a payload, which takes over its queueing instant."""
         lane = self._busy.get(key)
         if lane is not None:
@@ -571,7 +571,7 @@ class TransmitQueue:
             lane.clear()
         self.push(key, item, qos)
 
-    def first(self, key: LaneKey) -> Waiting | None:
+    def first(self, key: LaneKey) -> QueuedRecord | None:
         """Return the first payload of a lane without removing it, or None."""
         lane = self._busy.get(key)
         return lane.items[0] if lane is not None else None
@@ -608,16 +608,16 @@ class TransmitQueue:
                 for item in lane.items:
                     item.destination = destination
 
-    def limit(self, largest_bytes: int) -> list[Waiting]:
+    def limit(self, largest_bytes: int) -> list[QueuedRecord]:
         """Set the size of the largest record; remove and return larger records."""
         self.largest_bytes = largest_bytes
-        dropped: list[Waiting] = []
+        dropped: list[QueuedRecord] = []
         for lane in list(self._busy.values()):
             dropped += lane.limit(largest_bytes)
             self._settle(lane)
         return dropped
 
-    def candidates(self, now: int, only: LaneKey = ()) -> Iterator[tuple[Lane, Waiting]]:
+    def candidates(self, now: int, only: LaneKey = ()) -> Iterator[tuple[Lane, QueuedRecord]]:
         """Yield the payloads that may go in a frame now, most valuable first.
 
         The consumer takes a payload by `take` before it asks for the next; one that it does not
@@ -645,7 +645,7 @@ class TransmitQueue:
             if taken and lane.items and lane.next_at <= now:
                 heapq.heappush(heap, (lane.rank, key))
 
-    def take(self, lane: Lane, now: int) -> Waiting:
+    def take(self, lane: Lane, now: int) -> QueuedRecord:
         """Remove the first payload of a lane for transmission."""
         item = lane.take(now)
         self._settle(lane)
@@ -693,7 +693,7 @@ class TransmitQueue:
         lane = min(lanes, key=_due_at, default=None)
         return None if lane is None else (lane.due_at, lane.why)
 
-    def best(self, now: int) -> Waiting | None:
+    def best(self, now: int) -> QueuedRecord | None:
         """Return the most valuable payload that may go now, or None; drops nothing."""
         first: Lane | None = None
         for lane in self._busy.values():

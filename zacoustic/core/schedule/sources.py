@@ -10,7 +10,7 @@ from typing import Protocol
 import msgspec
 
 from zacoustic.core.base.parts import Offer, Part
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.schedule.savings import Savings
 from zacoustic.core.values.dense import Encoded
 from zacoustic.core.wire.controls import Extension
@@ -142,11 +142,11 @@ class DenseSource(Source, Protocol):
     def fills_link(self) -> bool:
         """Whether its blocks fill the link, so that their listener should know the pauses."""
 
-    def admits(self, item: Waiting, destination: int) -> bool:
+    def admits(self, item: QueuedRecord, destination: int) -> bool:
         """Return whether a waiting payload can be part of a dense block to `destination`."""
 
     def encode(
-        self, items: Sequence[Waiting], destination: int, room_bytes: int, now: int
+        self, items: Sequence[QueuedRecord], destination: int, room_bytes: int, now: int
     ) -> Encoded | None:
         """Encode a block of all these payloads; return None if they do not fit."""
 

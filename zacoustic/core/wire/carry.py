@@ -94,7 +94,7 @@ class Receipt(msgspec.Struct, frozen=True):
     """The next number that it awaits."""
 
 
-class Refusal(msgspec.Struct, frozen=True):
+class CarryRefusal(msgspec.Struct, frozen=True):
     """A custodian does not keep a sample, or its subscriber does not take it."""
 
     bundle: Bundle
@@ -105,7 +105,7 @@ class Refusal(msgspec.Struct, frozen=True):
     """Whether the subscriber refuses it: it defines the topic in another way."""
 
 
-Message: TypeAlias = Envelope | Receipt | Refusal
+Message: TypeAlias = Envelope | Receipt | CarryRefusal
 _HEAD_BYTES: Final = 13
 _DIRECT_BYTES: Final = 10
 _ANSWER_BYTES: Final = 9
@@ -148,10 +148,10 @@ def encode_envelope(envelope: Envelope, sender: int, receiver: int) -> bytes:
     return b"".join(parts)
 
 
-def encode_answer(answer: Receipt | Refusal) -> bytes:
+def encode_answer(answer: Receipt | CarryRefusal) -> bytes:
     """Return the bytes of a receipt or refusal."""
     kind = _RECEIPT if isinstance(answer, Receipt) else _REFUSAL
-    flags = _FINAL if isinstance(answer, Refusal) and answer.is_final else 0
+    flags = _FINAL if isinstance(answer, CarryRefusal) and answer.is_final else 0
     bundle = answer.bundle
     return (
         bytes((kind << _KIND_SHIFT | flags, bundle.origin, bundle.destination, bundle.stream_id))
@@ -241,7 +241,7 @@ def decode_life(code: int) -> float:
 
 def _decode_answer(
     message: bytes, *, is_receipt: bool, wildcards: dict[int, int]
-) -> Receipt | Refusal | None:
+) -> Receipt | CarryRefusal | None:
     allowed = 0x03 << _KIND_SHIFT | (0 if is_receipt else _FINAL)
     if len(message) < _ANSWER_BYTES or message[0] & ~allowed:
         return None
@@ -253,4 +253,4 @@ def _decode_answer(
     number = int.from_bytes(message[6:9], "big")
     if is_receipt:
         return Receipt(bundle, number)
-    return Refusal(bundle, number, bool(message[0] & _FINAL))
+    return CarryRefusal(bundle, number, bool(message[0] & _FINAL))

@@ -244,7 +244,7 @@ def is_later(attempt: int, other: int) -> bool:
     return 0 < (attempt - other) % _ATTEMPTS < _ATTEMPTS // 2
 
 
-class Refusal(msgspec.Struct, frozen=True):
+class GoalRefusal(msgspec.Struct, frozen=True):
     """The payload of REFUSED."""
 
     failure: GoalFailure
@@ -266,17 +266,17 @@ class Refusal(msgspec.Struct, frozen=True):
         return head + encode_text(self.text, longest_bytes - len(head))
 
 
-def decode_refusal(payload: bytes) -> Refusal | None:
+def decode_refusal(payload: bytes) -> GoalRefusal | None:
     """Return the content of REFUSED; None if it does not say which attempt to cancel is refused."""
     failure = payload[0] if payload else 0
     if failure == _AGAIN_REFUSED:
         if len(payload) < 2:
             return None
-        return Refusal(GoalFailure.CANCEL_REFUSED, decode_text(payload[2:]), payload[1])
+        return GoalRefusal(GoalFailure.CANCEL_REFUSED, decode_text(payload[2:]), payload[1])
     try:
-        return Refusal(GoalFailure(failure), decode_text(payload[1:]))
+        return GoalRefusal(GoalFailure(failure), decode_text(payload[1:]))
     except ValueError:
-        return Refusal(GoalFailure.REJECTED, "")
+        return GoalRefusal(GoalFailure.REJECTED, "")
 
 
 def encode_result(status: GoalStatus, result: bytes | None) -> bytes:

@@ -18,7 +18,7 @@ from zacoustic.app.tools.field.asking import Gateways, local_gateways
 from zacoustic.app.tools.field.doctor.doctor import Options, diagnose
 from zacoustic.app.tools.field.doctor.network import Running, look
 from zacoustic.config import Config, read_config
-from zacoustic.core.peers.sealing import Refusal
+from zacoustic.core.peers.sealing import SealRefusal
 from zacoustic.core.schedule.access.spec import AutoSpec, ScheduleSpec, TdmaSpec
 from zacoustic.errors import ConfigError, DeliveryError
 from zacoustic.link.contract import Finding
@@ -270,10 +270,10 @@ def _unanswered(config: Config, running: Running, contact: Contact, node: str) -
     refused: Mapping[str, Any] = counts if isinstance(counts, Mapping) else {}
     seen = ""
     if config.security is not None:
-        if refused.get(Refusal.FORGED.value):
-            seen = f"; {refused[Refusal.FORGED.value]} frames came that this key does not open"
-        elif refused.get(Refusal.UNSEALED.value):
-            seen = f"; {refused[Refusal.UNSEALED.value]} frames came that are not sealed"
+        if refused.get(SealRefusal.FORGED.value):
+            seen = f"; {refused[SealRefusal.FORGED.value]} frames came that this key does not open"
+        elif refused.get(SealRefusal.UNSEALED.value):
+            seen = f"; {refused[SealRefusal.UNSEALED.value]} frames came that are not sealed"
         elif contact.life is None:
             seen = "; no frame of it was ever heard"
     return Finding(

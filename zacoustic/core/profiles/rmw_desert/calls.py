@@ -22,7 +22,7 @@ from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.stats import count
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.streams.rmwdesert import FIRST_SEQUENCE, LAST_SEQUENCE
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream
@@ -225,7 +225,7 @@ class DesertCalls:
         size_bytes = _KIND_BYTES + len(head) + len(fields)
         check_limits(stream.name, 0, size_bytes)  # a client's sequence id may take nine bytes
         self._queue.check_size(stream.name, size_bytes)
-        item = Waiting(
+        item = QueuedRecord(
             stream_id=stream.stream_id,
             destination=BROADCAST,
             code=kind,

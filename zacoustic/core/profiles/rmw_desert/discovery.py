@@ -15,7 +15,7 @@ from typing import Final
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.profiles.entities import DiscoverySpec, EntityKind, RosEntitySeen
-from zacoustic.core.schedule.queue import SAMPLE_LANE, TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import SAMPLE_LANE, QueuedRecord, TransmitQueue
 from zacoustic.core.streams.specs import ServiceSpec, TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.values.payload import PayloadError
@@ -141,7 +141,7 @@ class Discovery:
         which: tuple[int, ...] = (),
         qos: Qos = _BEACON_QOS,
     ) -> None:
-        item = Waiting(
+        item = QueuedRecord(
             stream_id=stream_id,
             destination=BROADCAST,
             code=Kind.SAMPLE,

@@ -6,7 +6,7 @@ from zacoustic.core.base.stats import NO_STREAM, Cause, LinkStats, count
 from zacoustic.core.peers.bootepoch import BootEpoch
 from zacoustic.core.schedule.frames import Composed, Frames
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import QueuedRecord, TransmitQueue
 
 
 class Packets(Frames):
@@ -60,7 +60,7 @@ class Packets(Frames):
         if report.outcome in (TransmitOutcome.REJECTED, TransmitOutcome.ABORTED):
             self._pieces.clear()
 
-    def _packet(self, port: LinkPort, item: Waiting) -> Composed:
+    def _packet(self, port: LinkPort, item: QueuedRecord) -> Composed:
         message = bytes((item.code,)) + item.head + item.payload
         packet = port.envelope.wrap(message, BROADCAST)
         self._stats.attribute(NO_STREAM, Cause.ENVELOPE, len(packet) - len(message))

@@ -35,7 +35,7 @@ from zacoustic.core.profiles.rmw_desert.packets import Packets
 from zacoustic.core.profiles.rules import TransmitRules
 from zacoustic.core.schedule.context import Context
 from zacoustic.core.schedule.port import LinkPort
-from zacoustic.core.schedule.queue import SAMPLE_LANE, Waiting
+from zacoustic.core.schedule.queue import SAMPLE_LANE, QueuedRecord
 from zacoustic.core.schedule.sources import ForwardingSource
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
@@ -96,7 +96,7 @@ class RmwDesertProtocols(Profile):
             raise PayloadInvalidError(
                 f"{stream.name}: encoding {encoding}; allowed: {stream.encoding}"
             )
-        item = Waiting(
+        item = QueuedRecord(
             stream_id=stream_id,
             destination=BROADCAST,
             code=Kind.SAMPLE,

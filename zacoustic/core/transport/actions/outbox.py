@@ -10,7 +10,7 @@ import msgspec
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import LaneKey, QueuedRecord, TransmitQueue
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.exchanges.records import once_qos, repeated_qos
@@ -45,7 +45,7 @@ _HEADER_BYTES: Final = 2 + FORMER_BYTES
 _URGENT: Final = (GoalLane.CANCEL, GoalLane.CANCEL_ANSWER)
 
 
-class _AboutGoal(Waiting):
+class _AboutGoal(QueuedRecord):
     """A record about a goal; whether it carries an epoch is decided when the frame goes."""
 
     __slots__ = ("heading",)
@@ -95,7 +95,7 @@ class GoalOutbox:
             qos = Qos(priority=Priority.REAL_TIME)
         shows_end = operation is not Operation.REFUSED
 
-        def written(payload: bytes) -> Waiting:
+        def written(payload: bytes) -> QueuedRecord:
             record = self._written(goal, stream, peer, operation, payload, now, shows_end=shows_end)
             record.cause = Cause.ACK
             return record
@@ -157,7 +157,7 @@ class GoalOutbox:
         # Whoever hears a client's record knows which node is the server.
         is_reply = goal.client != self._address
 
-        def written(operation: Operation, payload: bytes, shows_end: bool) -> Waiting:
+        def written(operation: Operation, payload: bytes, shows_end: bool) -> QueuedRecord:
             return self._written(
                 goal, stream, peer, operation, payload, now, shows_end=shows_end, is_reply=is_reply
             )
@@ -238,7 +238,7 @@ class GoalOutbox:
         *,
         shows_end: bool,
         is_reply: bool = True,
-    ) -> Waiting:
+    ) -> QueuedRecord:
         record = _AboutGoal(
             stream_id=stream.stream_id,
             destination=peer,

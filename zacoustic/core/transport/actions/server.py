@@ -21,10 +21,10 @@ from zacoustic.core.wire.goals import (
     UNKNOWN_RESULT,
     GoalFailure,
     GoalKey,
+    GoalRefusal,
     GoalStatus,
     Message,
     Operation,
-    Refusal,
     decode_cancel,
     encode_result,
     is_later,
@@ -172,7 +172,7 @@ class GoalServer:
                 return self._receive_goal(key, stream, message.payload, now)
             case Operation.CLAIM:
                 if goal is None:
-                    refusal = Refusal(GoalFailure.UNKNOWN, "").encode()
+                    refusal = GoalRefusal(GoalFailure.UNKNOWN, "").encode()
                     lane, operation = GoalLane.ANSWER, Operation.REFUSED
                     self._outbox.say(key, stream, source, operation, lane, now, refusal)
                 else:
@@ -297,7 +297,7 @@ class GoalServer:
         operation, payload = Operation.CANCEL, b""
         if goal.cancel is CancelStage.REFUSED:
             operation = Operation.REFUSED
-            refusal = Refusal(GoalFailure.CANCEL_REFUSED, goal.cancel_text, goal.cancel_attempt)
+            refusal = GoalRefusal(GoalFailure.CANCEL_REFUSED, goal.cancel_text, goal.cancel_attempt)
             payload = refusal.encode()
         if self._is_wanted(goal):
             lane = GoalLane.CANCEL_ANSWER
@@ -329,7 +329,7 @@ class GoalServer:
                     self._push(goal, now)
 
     def _refuse(self, goal: ServedGoal, failure: GoalFailure, text: str, now: int) -> None:
-        goal.stage, goal.answer = ServedStage.REFUSED, Refusal(failure, text).encode()
+        goal.stage, goal.answer = ServedStage.REFUSED, GoalRefusal(failure, text).encode()
         self._goals.forget_at(goal, goal.deadline_at + self.settling_ns)
         self._outbox.withdraw(goal.key, goal.key.client, GoalLane.ANSWER)
 

@@ -15,11 +15,11 @@ from zacoustic.core.base.qos import Stamp
 from zacoustic.core.base.stats import count
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import LaneKey, Waiting
+from zacoustic.core.schedule.queue import LaneKey, QueuedRecord
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import ServiceSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.calls.calls import Answer, RequestReceived, Served
+from zacoustic.core.transport.calls.calls import CallAnswer, RequestReceived, Served
 from zacoustic.core.transport.exchanges.journal import ExchangeJournal
 from zacoustic.core.transport.exchanges.records import confirm, once_qos, repeated_qos
 from zacoustic.core.transport.exchanges.repeating import Repeater
@@ -95,9 +95,9 @@ class Answering:
             served = Served(CallKey(*parts))
             (answer,) = state
             if answer is None:
-                served.answer = Answer(CallKind.ERROR, encode_error(CallFailure.UNKNOWN, ""))
+                served.answer = CallAnswer(CallKind.ERROR, encode_error(CallFailure.UNKNOWN, ""))
             else:
-                served.answer = msgspec.convert(answer, Answer)
+                served.answer = msgspec.convert(answer, CallAnswer)
             return served
 
         self._calls.recover(stored, restore)
@@ -105,7 +105,7 @@ class Answering:
     # For the application
 
     def reply(self, call: CallKey, value: object, now: int) -> bool:
-        """Answer a request; see `Engine.reply`."""
+        """CallAnswer a request; see `Engine.reply`."""
         stream = self._table.by_id(call.stream_id)
         try:
             payload = stream.response_codec.encode(value)
@@ -116,7 +116,7 @@ class Answering:
         return self._answer(call, CallKind.RESPONSE, payload, now)
 
     def reply_error(self, call: CallKey, failure: CallFailure, text: str, now: int) -> bool:
-        """Answer a request with an error; see `Engine.reply_error`."""
+        """CallAnswer a request with an error; see `Engine.reply_error`."""
         return self._answer(call, CallKind.ERROR, self._error(failure, text), now)
 
     # For the channel
@@ -192,7 +192,7 @@ class Answering:
         served.is_closed = True
 
     def peer_restarted(self, client: int, epoch: int, now: int) -> None:
-        """Answer only the calls of this boot epoch of a client.
+        """CallAnswer only the calls of this boot epoch of a client.
 
         Calls of its other boot epochs stay known: the frame that announced this epoch may be a late
         duplicate.
@@ -257,7 +257,7 @@ class Answering:
         served = self._calls.get(call)
         if served is None or served.answer is not None or served.deadline_at <= now:
             return False
-        served.answer = answer = Answer(kind, payload)
+        served.answer = answer = CallAnswer(kind, payload)
         served.answered_at = now
         # The answer also confirms the request.
         self._queue.drop_lane(_confirm_lane(call))
@@ -275,7 +275,7 @@ class Answering:
         stream = self._table.by_id(call.stream_id)
         assert answer is not None
         is_response = answer.kind is CallKind.RESPONSE
-        record = Waiting(
+        record = QueuedRecord(
             stream_id=call.stream_id,
             destination=call.client,
             head=self._head(answer.kind, served),

@@ -212,7 +212,7 @@ class ClientCalls:
         return call
 
 
-class Answer(msgspec.Struct, frozen=True):
+class CallAnswer(msgspec.Struct, frozen=True):
     """The answer to a call, kept for repetitions of its request."""
 
     kind: CallKind
@@ -226,7 +226,7 @@ class Served(TakenExchange[CallKey]):
 
     def __init__(self, key: CallKey) -> None:
         super().__init__(key)
-        self.answer: Answer | None = None
+        self.answer: CallAnswer | None = None
         self.answered_at: int | None = None
         """Instant at which it was answered, ns; None: not yet, or before a restart."""
         self.is_named = True

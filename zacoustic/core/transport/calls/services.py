@@ -17,7 +17,7 @@ from zacoustic.core.base.stats import count
 from zacoustic.core.base.timers import Due
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.commands import COMMANDS_STREAM_ID
 from zacoustic.core.streams.specs import ServiceSpec
@@ -137,7 +137,7 @@ class Services:
         if self._handshake.differs(server, stream_id):
             self._mismatch(call_id, server, stream_id, now)
             return call_id
-        request = Waiting(
+        request = QueuedRecord(
             stream_id=stream_id,
             destination=server,
             head=head + _head(CallKind.REQUEST, number),

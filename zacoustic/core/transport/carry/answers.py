@@ -12,13 +12,13 @@ import msgspec
 
 from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.transport.carry.custody import Offered
-from zacoustic.core.wire.carry import Bundle, Receipt, Refusal
+from zacoustic.core.wire.carry import Bundle, CarryRefusal, Receipt
 
 _ANSWER: Final = "carryback"
 _WAY: Final = "carryway"
 
 
-class Answer(Offered):
+class CarryAnswer(Offered):
     """A receipt or refusal on its way to a publisher.
 
     Args:
@@ -28,7 +28,7 @@ class Answer(Offered):
 
     __slots__ = ("content", "ends_at", "life_ns")
 
-    def __init__(self, content: Receipt | Refusal, life_ns: int) -> None:
+    def __init__(self, content: Receipt | CarryRefusal, life_ns: int) -> None:
         super().__init__()
         self.content = content
         self.life_ns = life_ns
@@ -38,7 +38,7 @@ class Answer(Offered):
 
 class _Stored(msgspec.Struct, frozen=True, array_like=True):
     receipt: Receipt | None
-    refusal: Refusal | None
+    refusal: CarryRefusal | None
     life_ns: int
 
 
@@ -51,7 +51,7 @@ class Answers:
 
     def __init__(self, journal: JournalPort) -> None:
         self._journal = journal
-        self._answers: dict[tuple[Bundle, int | None], Answer] = {}
+        self._answers: dict[tuple[Bundle, int | None], CarryAnswer] = {}
         self._ways: dict[tuple[int, int], int] = {}
         """By stream id and publisher, the node by which its samples came last."""
 
@@ -63,7 +63,7 @@ class Answers:
                 entry = msgspec.msgpack.decode(value, type=_Stored)
                 content = entry.receipt or entry.refusal
                 if content is not None:
-                    self._answers[_key_of(content)] = Answer(content, entry.life_ns)
+                    self._answers[_key_of(content)] = CarryAnswer(content, entry.life_ns)
             elif kind == _WAY:
                 stream_id, _, origin = rest.partition("/")
                 self._ways[int(stream_id), int(origin)] = value[0]
@@ -74,7 +74,7 @@ class Answers:
             if answer.ends_at is None:
                 answer.ends_at = now + answer.life_ns
 
-    def __iter__(self) -> Iterator[Answer]:
+    def __iter__(self) -> Iterator[CarryAnswer]:
         return iter(list(self._answers.values()))
 
     def __len__(self) -> int:
@@ -91,23 +91,23 @@ class Answers:
         """Return the node by which the samples of a publisher came; None: none came here."""
         return self._ways.get((bundle.stream_id, bundle.origin))
 
-    def find(self, content: Receipt | Refusal) -> Answer | None:
+    def find(self, content: Receipt | CarryRefusal) -> CarryAnswer | None:
         """Return the answer that another one would replace, or None."""
         return self._answers.get(_key_of(content))
 
-    def keep(self, content: Receipt | Refusal, life_ns: int, now: int) -> None:
+    def keep(self, content: Receipt | CarryRefusal, life_ns: int, now: int) -> None:
         """Keep an answer, in place of an older one."""
         key = _key_of(content)
-        answer = self._answers[key] = Answer(content, life_ns)
+        answer = self._answers[key] = CarryAnswer(content, life_ns)
         answer.ends_at = now + life_ns
         entry = _Stored(
             content if isinstance(content, Receipt) else None,
-            content if isinstance(content, Refusal) else None,
+            content if isinstance(content, CarryRefusal) else None,
             life_ns,
         )
         self._journal.write(_name(key), msgspec.msgpack.encode(entry))
 
-    def drop(self, answer: Answer) -> None:
+    def drop(self, answer: CarryAnswer) -> None:
         """Forget an answer."""
         key = _key_of(answer.content)
         if self._answers.get(key) is answer:
@@ -121,7 +121,7 @@ class Answers:
             self._journal.write(_way_name(*place), None)
 
 
-def _key_of(content: Receipt | Refusal) -> tuple[Bundle, int | None]:
+def _key_of(content: Receipt | CarryRefusal) -> tuple[Bundle, int | None]:
     """Return what an answer replaces: of a count only the newest receipt matters."""
     return content.bundle, None if isinstance(content, Receipt) else content.number
 

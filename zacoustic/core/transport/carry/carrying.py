@@ -13,7 +13,7 @@ from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.transport.carry.answers import Answer, Answers
+from zacoustic.core.transport.carry.answers import Answers, CarryAnswer
 from zacoustic.core.transport.carry.arrivals import Arrivals
 from zacoustic.core.transport.carry.counts import Claim, Counts, Place
 from zacoustic.core.transport.carry.custody import Custody, Held
@@ -34,9 +34,9 @@ from zacoustic.core.wire.carry import (
     DIGEST_BYTES,
     MINUTE_S,
     Bundle,
+    CarryRefusal,
     Envelope,
     Receipt,
-    Refusal,
     decode,
     encode_answer,
     encode_envelope,
@@ -291,7 +291,7 @@ class Carrying:
         for delivery_id in of_key[: -stream.qos.depth]:
             self._end(delivery_id, DeliveryOutcome.SUPERSEDED, now)
 
-    def _fault(self, message: Envelope | Receipt | Refusal, sender: int) -> str | None:
+    def _fault(self, message: Envelope | Receipt | CarryRefusal, sender: int) -> str | None:
         """Return why the table does not allow a message, one word, or None."""
         bundle = message.bundle
         stream = self._table.by_id(bundle.stream_id)
@@ -317,7 +317,7 @@ class Carrying:
             stream = self._table.by_id(bundle.stream_id)
             if envelope.digest != stream.digest[:DIGEST_BYTES]:
                 self._stats.drop("differs")
-                self._answer(Refusal(bundle, envelope.number, is_final=True), now)
+                self._answer(CarryRefusal(bundle, envelope.number, is_final=True), now)
                 return
             expected, is_new = self._arrivals.take(envelope, hop, now)
             self._changed()
@@ -333,7 +333,7 @@ class Carrying:
         )
         if not has_room or envelope.life_s <= 0:
             self._refused += 1
-            self._answer(Refusal(bundle, envelope.number), now)
+            self._answer(CarryRefusal(bundle, envelope.number), now)
             return
         ends_at = now + seconds_to_ns(envelope.life_s)
         kept = msgspec.structs.replace(envelope, hops=max(0, envelope.hops - 1))
@@ -368,7 +368,7 @@ class Carrying:
                 self._custody.renumber(held, other, place.number, now)
         self._changed()
 
-    def _refused_by(self, refusal: Refusal, source: int, now: int) -> None:
+    def _refused_by(self, refusal: CarryRefusal, source: int, now: int) -> None:
         """Take the word of a custodian, or of the subscriber, that it does not take a sample."""
         held = self._custody.find(refusal.bundle, refusal.number)
         if held is None or held.delivery_id is None:
@@ -386,7 +386,7 @@ class Carrying:
         self._tell(held, None, f"node {custodian} has no room for it", now)
         self._changed()
 
-    def _pass_on(self, answer: Receipt | Refusal, now: int) -> None:
+    def _pass_on(self, answer: Receipt | CarryRefusal, now: int) -> None:
         """Take an answer for another node along, and drop what it makes needless."""
         if isinstance(answer, Receipt):
             for held in self._custody:
@@ -394,7 +394,7 @@ class Carrying:
                     self._drop(held, now)
         self._answer(answer, now)
 
-    def _answer(self, content: Receipt | Refusal, now: int) -> None:
+    def _answer(self, content: Receipt | CarryRefusal, now: int) -> None:
         older = self._answers.find(content)
         if older is not None and older.content.number >= content.number:
             return
@@ -413,7 +413,7 @@ class Carrying:
         offered, receiver = found
         if ended.outcome is not DeliveryOutcome.DELIVERED:
             offered.refused.add(receiver)
-        elif isinstance(offered, Answer):
+        elif isinstance(offered, CarryAnswer):
             bundle = offered.content.bundle
             offered.refused.add(receiver)  # it has it
             if receiver in (bundle.origin, self._answers.way(bundle)):
@@ -506,7 +506,7 @@ class Carrying:
         self._custody.drop(held)
         self._changed()
 
-    def _drop_answer(self, answer: Answer, now: int) -> None:
+    def _drop_answer(self, answer: CarryAnswer, now: int) -> None:
         self._offers.withdraw(answer, now)
         self._answers.drop(answer)
 
@@ -622,7 +622,7 @@ class Carrying:
         return encode_envelope(envelope, self._address, receiver)
 
 
-def _answer_for(answer: Answer, receiver: int) -> bytes:
+def _answer_for(answer: CarryAnswer, receiver: int) -> bytes:
     """Return an answer as any node gets it."""
     return encode_answer(answer.content)
 

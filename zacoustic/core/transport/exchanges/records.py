@@ -10,14 +10,14 @@ import msgspec
 
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 
 _ANY_DEPTH: Final = 65535
 
 
-def confirm(stream_id: int, destination: int, head: bytes, now: int) -> Waiting:
+def confirm(stream_id: int, destination: int, head: bytes, now: int) -> QueuedRecord:
     """Return a record without a payload that is said once."""
-    return Waiting(
+    return QueuedRecord(
         stream_id=stream_id,
         destination=destination,
         head=head,

@@ -28,7 +28,7 @@ from zacoustic.core.base.timers import Due, Timers
 from zacoustic.core.peers.peers import Peers
 from zacoustic.core.schedule.copies import aimed_pause, follow
 from zacoustic.core.schedule.pacers import Pacers
-from zacoustic.core.schedule.queue import LaneKey, TransmitQueue, Waiting
+from zacoustic.core.schedule.queue import LaneKey, QueuedRecord, TransmitQueue
 
 _WHOLE_TRIES: Final = 2
 """How often the whole record is sent before its reminder. After two tries at 30 % loss, a node that
@@ -77,10 +77,10 @@ class Repetition:
     def __init__(
         self,
         key: LaneKey,
-        whole: Waiting,
+        whole: QueuedRecord,
         qos: Qos,
         until: int | None,
-        reminder: Waiting | None = None,
+        reminder: QueuedRecord | None = None,
         *,
         introduces: bool = False,
         proves: bool = False,
@@ -168,13 +168,13 @@ class Repeater:
     def start(
         self,
         key: LaneKey,
-        record: Waiting,
+        record: QueuedRecord,
         qos: Qos,
         *,
         until: int | None,
         introduces: bool = False,
         proves: bool = False,
-        reminder: Waiting | None = None,
+        reminder: QueuedRecord | None = None,
     ) -> Repetition:
         """Send a record until it is stopped, or until an instant.
 

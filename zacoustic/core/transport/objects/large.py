@@ -38,7 +38,7 @@ from zacoustic.core.transport.objects.stored import StoredObject
 from zacoustic.core.transport.reliable.receiving.receiving import Claim, ReliableReceiving
 from zacoustic.core.transport.reliable.sending.keeping import NO_COUNT, OTHER_STREAM, given_up
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
-from zacoustic.core.transport.reliable.sending.sendlane import Outgoing
+from zacoustic.core.transport.reliable.sending.sendlane import OutgoingSample
 from zacoustic.core.transport.reliable.sending.slots import LargeSlots, SequenceSlot
 from zacoustic.core.transport.subscriptions.subscriptions import NOBODY, Subscriptions
 from zacoustic.core.values.age import NO_AGE
@@ -202,7 +202,7 @@ class LargeSamples:
 
     # For the sequence slots: `zacoustic.core.transport.reliable.sending.slots.Large`
 
-    def enlarge(self, sample: Outgoing, stream_id: int, slot: SequenceSlot, now: int) -> str:
+    def enlarge(self, sample: OutgoingSample, stream_id: int, slot: SequenceSlot, now: int) -> str:
         """Send as an object a sample that was published as a small one; return why not, or ''."""
         self._now = now
         stream = self._table.by_id(stream_id)

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import NO_STREAM, Cause
 from zacoustic.core.peers.handshake import Handshake
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.transport.exchanges.repeating import Repeater, Repetition
 from zacoustic.core.wire.subscriptions import SUBSCRIBE_CODE, Subscribe, bits_of, page_of
 
@@ -167,7 +167,7 @@ class Own:
         source, page = key
         message.version = version
         message.heard = self._handshake.heard_epoch(source)
-        record = Waiting(
+        record = QueuedRecord(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,
             destination=source,

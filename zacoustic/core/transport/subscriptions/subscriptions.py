@@ -10,7 +10,7 @@ from zacoustic.core.base.signals import Signal
 from zacoustic.core.base.stats import NO_STREAM, Cause
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.specs import LAST_STREAM_ID, TopicSpec
 from zacoustic.core.streams.table import Stream
@@ -210,7 +210,7 @@ class Subscriptions:
             heard=self._handshake.heard_epoch(source),
             is_kept=self._handshake.is_present(message.heard),
         )
-        record = Waiting(
+        record = QueuedRecord(
             stream_id=NO_STREAM,
             code=SUBSCRIBE_CODE,
             destination=source,

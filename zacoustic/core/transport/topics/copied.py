@@ -26,7 +26,7 @@ from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.airtime import AirtimeAccount
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import LaneKey, Waiting
+from zacoustic.core.schedule.queue import LaneKey, QueuedRecord
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.wire.frame import SYNC_BYTES, Sync
@@ -59,7 +59,13 @@ class _Copied:
     )  # fmt: skip
 
     def __init__(
-        self, key: LaneKey, record: Waiting, qos: Qos, copies: int, in_the_dark: int, ends_at: int
+        self,
+        key: LaneKey,
+        record: QueuedRecord,
+        qos: Qos,
+        copies: int,
+        in_the_dark: int,
+        ends_at: int,
     ) -> None:
         self.key = key
         self.record = record
@@ -90,7 +96,7 @@ class CopiedSamples:
         self._account = AirtimeAccount(_COPIES_SHARE)
         self._next_number = 0
         self._copied: dict[int, _Copied] = {}
-        self._waiting: list[tuple[LaneKey, Waiting, Qos]] = []
+        self._waiting: list[tuple[LaneKey, QueuedRecord, Qos]] = []
         """Samples to be sent once unless a run begins; some have been sent."""
         self._came: dict[tuple[int, ...], deque[Sync]] = {}
 
@@ -103,7 +109,7 @@ class CopiedSamples:
         self._waiting.clear()
         self._changed()
 
-    def publish(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> None:
+    def publish(self, key: LaneKey, record: QueuedRecord, qos: Qos, now: int) -> None:
         """Queue a best-effort sample, with as many copies as it needs."""
         for each in [each for each in self._copied.values() if each.key == key and each.was_sent]:
             self._end(each)
@@ -170,10 +176,10 @@ class CopiedSamples:
                 self._queue.push(each.key, each.record, each.qos)
         self._changed()
 
-    def _still_waiting(self) -> list[tuple[LaneKey, Waiting, Qos]]:
+    def _still_waiting(self) -> list[tuple[LaneKey, QueuedRecord, Qos]]:
         return [each for each in self._waiting if self._queue.holds(each[0], each[1])]
 
-    def _copy(self, key: LaneKey, record: Waiting, qos: Qos, now: int) -> bool:
+    def _copy(self, key: LaneKey, record: QueuedRecord, qos: Qos, now: int) -> bool:
         """Copy a sample that has not been sent yet; False: it is sent once."""
         copies, in_the_dark = self._copies(record, now)
         if copies == 1:
@@ -189,7 +195,7 @@ class CopiedSamples:
         )
         return True
 
-    def _copies(self, record: Waiting, now: int) -> tuple[int, int]:
+    def _copies(self, record: QueuedRecord, now: int) -> tuple[int, int]:
         """Return how often a sample of priority `real_time` is sent.
 
         Returns:
@@ -258,6 +264,6 @@ class CopiedSamples:
         self._changed()
 
 
-def _in_row(record: Waiting, times: LinkTimes, more_ns: int) -> int:
+def _in_row(record: QueuedRecord, times: LinkTimes, more_ns: int) -> int:
     """Return how many copies go in a row, those that fill `more_ns` included."""
     return _COPIES_IN_ROW + -(-more_ns // times.copy_ns(record.size_bytes))

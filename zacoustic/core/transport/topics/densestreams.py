@@ -35,7 +35,7 @@ from zacoustic.core.base.stats import Cause
 from zacoustic.core.peers.handshake import latest_ns
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.schedule.savings import Savings
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import AGE_FIELD, Stream
@@ -105,7 +105,7 @@ class DenseStreams:
 
     # Blocks of this node
 
-    def admits(self, item: Waiting, destination: int) -> bool:
+    def admits(self, item: QueuedRecord, destination: int) -> bool:
         """Return whether a waiting payload can be part of a dense block to `destination`."""
         return item.dense_value is not None and not any(
             self._handshake.knows_difference(address)
@@ -113,7 +113,7 @@ class DenseStreams:
         )
 
     def encode(
-        self, items: Sequence[Waiting], destination: int, room_bytes: int, now: int
+        self, items: Sequence[QueuedRecord], destination: int, room_bytes: int, now: int
     ) -> Encoded | None:
         """Encode a block of all these payloads; return None if they do not fit."""
         if self._speaker is None:
@@ -126,7 +126,7 @@ class DenseStreams:
         encoded = self._speaker.encode(samples, room_bytes, hearers, apart=apart)
         return encoded if encoded is not None and encoded.taken == len(items) else None
 
-    def alone_bytes(self, item: Waiting, room_bytes: int, now: int) -> int:
+    def alone_bytes(self, item: QueuedRecord, room_bytes: int, now: int) -> int:
         """Return the size of a block with one payload, bytes; 0: it does not fit."""
         if not self.admits(item, item.destination):
             return 0
@@ -300,7 +300,7 @@ class DenseStreams:
             return None
         return DenseCodec(types, model=self._table.model, digest=self._table.digest)
 
-    def _sample(self, item: Waiting, now: int) -> DenseSample:
+    def _sample(self, item: QueuedRecord, now: int) -> DenseSample:
         assert item.dense_value is not None
         # At full precision: an attitude rounded first would be off by more than half a step.
         value = dict(item.dense_value)
@@ -308,7 +308,7 @@ class DenseStreams:
             value[AGE_FIELD] = item.age_at(now)
         return DenseSample(item.stream_id, value, item.tick)
 
-    def _receivers(self, items: Iterable[Waiting], destination: int) -> set[int]:
+    def _receivers(self, items: Iterable[QueuedRecord], destination: int) -> set[int]:
         """Return the listeners of these payloads."""
         if destination != BROADCAST:
             return {destination}

@@ -29,7 +29,7 @@ from zacoustic.core.base.timers import Due
 from zacoustic.core.peers.peer import Pause
 from zacoustic.core.peers.peers import PerPeer
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import LaneKey, Waiting
+from zacoustic.core.schedule.queue import LaneKey, QueuedRecord
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.reliable.sending.latched import LIMIT_BYTES
 from zacoustic.core.transport.reliable.sending.sending import ReliableSending
@@ -81,7 +81,7 @@ class LatchedTopics:
         context.peers.proved.connect(self._proved)
         context.peers.forgotten.connect(self._forget)
 
-    def published(self, stream: Stream, lane: LaneKey, record: Waiting) -> None:
+    def published(self, stream: Stream, lane: LaneKey, record: QueuedRecord) -> None:
         """Note a best-effort sample."""
         if stream.qos.durability is Durability.TRANSIENT_LOCAL:
             self._unnumbered.keep(stream, lane, record)
@@ -162,10 +162,10 @@ class _UnnumberedSamples:
     def __init__(self, context: Context) -> None:
         self._table = context.table
         self._queue = context.queue
-        self._of: dict[LaneKey, deque[Waiting]] = {}
+        self._of: dict[LaneKey, deque[QueuedRecord]] = {}
         self._bytes = 0
 
-    def keep(self, stream: Stream, lane: LaneKey, record: Waiting) -> None:
+    def keep(self, stream: Stream, lane: LaneKey, record: QueuedRecord) -> None:
         """Keep a sample; keep nothing of a key that it deletes."""
         kept = self._of.pop(lane, deque())
         if not record.payload and record.prefix:
@@ -193,16 +193,16 @@ class _UnnumberedSamples:
                 if each.expires_at is None or each.expires_at > now:
                     self._queue.push(lane, _copy(each, address), stream.qos)
 
-    def _drop(self, kept: deque[Waiting]) -> None:
+    def _drop(self, kept: deque[QueuedRecord]) -> None:
         self._bytes -= sum(map(_size_bytes, kept))
 
 
-def _size_bytes(record: Waiting) -> int:
+def _size_bytes(record: QueuedRecord) -> int:
     return len(record.payload) + _OVERHEAD_BYTES
 
 
-def _copy(record: Waiting, address: int) -> Waiting:
-    return Waiting(
+def _copy(record: QueuedRecord, address: int) -> QueuedRecord:
+    return QueuedRecord(
         stream_id=record.stream_id,
         destination=address,
         prefix=record.prefix,

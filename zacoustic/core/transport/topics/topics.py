@@ -14,7 +14,7 @@ from zacoustic.core.base.qos import Reliability, Stamp
 from zacoustic.core.base.stats import count
 from zacoustic.core.peers.reception import Heard
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import SAMPLE_LANE, Waiting
+from zacoustic.core.schedule.queue import SAMPLE_LANE, QueuedRecord
 from zacoustic.core.schedule.timing import LinkTimes
 from zacoustic.core.streams.carry import CARRY_STREAM_ID
 from zacoustic.core.streams.specs import TopicSpec, in_parts
@@ -180,7 +180,7 @@ class Topics:
             return self._subscriptions.refuse(stream, self.sending.next_delivery_id(), now)
         if is_reliable:
             return self._publish_reliably(stream, sample, now, is_delete=publication.delete)
-        item = Waiting(
+        item = QueuedRecord(
             stream_id=stream.stream_id,
             destination=self._destination(stream, spec),
             prefix=sample.prefix,

@@ -6,9 +6,9 @@ from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.wire.carry import (
     DIGEST_BYTES,
     Bundle,
+    CarryRefusal,
     Envelope,
     Receipt,
-    Refusal,
     decode,
     is_direct,
 )
@@ -50,7 +50,7 @@ def explain_carried(
             text = (
                 f"{head}: RECEIPT, {key} {_ends(said.bundle)}: everything before {number} is there"
             )
-        case Refusal(_, _, is_final):
+        case CarryRefusal(_, _, is_final):
             why = "its subscriber defines the topic in another way" if is_final else "no room"
             text = f"{head}: REFUSAL of {named}: {why}"
     return DecodedItem(kind="carried", text=text, stream_id=CARRY_STREAM_ID, name=key)

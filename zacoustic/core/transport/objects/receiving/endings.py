@@ -19,7 +19,7 @@ from zacoustic.core.wire.objects import (
 )
 
 
-class Refusal:
+class RefusedObject:
     """An object that this node refuses.
 
     Its number may stand for a later object by now, of which the first fragments are lost. Until the
@@ -73,7 +73,7 @@ class Endings:
         self._journal = journal
         self._ended: dict[TransferKey, StoredEnd] = {}
         self._former: dict[TransferKey, StoredEnd] = {}
-        self._refused: dict[TransferKey, Refusal] = {}
+        self._refused: dict[TransferKey, RefusedObject] = {}
 
     def restore(self, key: TransferKey, end: StoredEnd) -> None:
         """Restore the end of an object that an earlier boot epoch delivered."""
@@ -95,7 +95,7 @@ class Endings:
         """Note that a number stands for another object now than the one that has ended."""
         self._former[key] = self._ended.pop(key)
 
-    def refuse(self, key: TransferKey, refusal: Refusal) -> None:
+    def refuse(self, key: TransferKey, refusal: RefusedObject) -> None:
         """Add a refused object."""
         self._refused[key] = refusal
         while len(self._refused) > self._most:
@@ -118,7 +118,7 @@ class Endings:
         """Return whether the last object with a source's number was delivered."""
         return key in self._ended
 
-    def refusal(self, key: TransferKey) -> Refusal | None:
+    def refusal(self, key: TransferKey) -> RefusedObject | None:
         """Return why the last object with a source's number was refused, or None."""
         return self._refused.get(key)
 

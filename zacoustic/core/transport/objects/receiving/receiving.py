@@ -20,7 +20,7 @@ from zacoustic.core.transport.objects.admission import AdmissionControl, ObjectR
 from zacoustic.core.transport.objects.limits import ObjectLimits
 from zacoustic.core.transport.objects.manifest import Manifest
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
-from zacoustic.core.transport.objects.receiving.endings import Endings, Refusal
+from zacoustic.core.transport.objects.receiving.endings import Endings, RefusedObject
 from zacoustic.core.transport.objects.receiving.replies import Replies, TransferKey
 from zacoustic.core.transport.objects.receiving.transfers import Transfer, Transfers
 from zacoustic.core.transport.objects.stored import (
@@ -428,7 +428,7 @@ class IncomingObjects:
             self._drop(key)
         if key not in self._endings and key not in self._transfers:
             head = dict(state.incoming.head()) if state is not None else {}
-            self._endings.refuse(key, Refusal(Reason.CANCELLED, head))
+            self._endings.refuse(key, RefusedObject(Reason.CANCELLED, head))
 
     def _refuse(self, key: TransferKey, reason: Reason) -> None:
         state = self._transfers.get(key)
@@ -437,11 +437,11 @@ class IncomingObjects:
         if reason is not Reason.NOT_SUBSCRIBED:
             outcome = ObjectState.CANCELLED if cancelled else ObjectState.REFUSED
             self._report(key, state, outcome, reason.name.lower())
-        self._endings.refuse(key, Refusal(reason, self._drop(key)))
+        self._endings.refuse(key, RefusedObject(reason, self._drop(key)))
 
     def _ignore(self, key: TransferKey, stream_id: int) -> None:
         """Drop an object and ignore it until this node subscribes to its stream."""
-        refusal = Refusal(Reason.NOT_SUBSCRIBED, self._drop(key), stream_id)
+        refusal = RefusedObject(Reason.NOT_SUBSCRIBED, self._drop(key), stream_id)
         self._endings.refuse(key, refusal)
 
     def _drop(self, key: TransferKey) -> dict[int, bytes]:

@@ -11,7 +11,7 @@ from zacoustic.core.base.qos import Priority, Qos
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.schedule.timing import ack_slots
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
@@ -71,7 +71,7 @@ class Claim(enum.Enum):
     """Its lineage is over: it is not delivered, and whether it was before is unknown."""
 
 
-class _AckWaiting(Waiting):
+class _AckWaiting(QueuedRecord):
     """An ACK in the transmit queue."""
 
     __slots__ = ("owed_at",)

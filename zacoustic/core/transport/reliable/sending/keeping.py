@@ -15,7 +15,11 @@ from zacoustic.core.base.journal import JournalPort
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.transport.outcomes import Outcomes
-from zacoustic.core.transport.reliable.sending.sendlane import JournalledSample, Outgoing, SendLane
+from zacoustic.core.transport.reliable.sending.sendlane import (
+    JournalledSample,
+    OutgoingSample,
+    SendLane,
+)
 from zacoustic.core.transport.reliable.spans import Span
 from zacoustic.errors import JournalUnavailableError
 
@@ -65,7 +69,7 @@ class Keeping:
         self,
         stream: Stream,
         lane: SendLane,
-        sample: Outgoing,
+        sample: OutgoingSample,
         kept: JournalledSample,
         then: Callable[[int], None],
     ) -> None:
@@ -94,7 +98,7 @@ class Keeping:
             )
 
     def forget(
-        self, lane: SendLane, sample: Outgoing, then: Callable[[int], None] | None = None
+        self, lane: SendLane, sample: OutgoingSample, then: Callable[[int], None] | None = None
     ) -> None:
         """Delete a sample that has ended; the count stays."""
         self._journal.write(f"{_name(lane)}/{sample.number}", None, then)

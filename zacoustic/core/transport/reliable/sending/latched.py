@@ -16,7 +16,7 @@ from typing import Final
 from zacoustic.core.base.qos import Durability
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import DeliveryOutcome
-from zacoustic.core.transport.reliable.sending.sendlane import Outgoing, SendLane
+from zacoustic.core.transport.reliable.sending.sendlane import OutgoingSample, SendLane
 
 LIMIT_BYTES: Final = 4 * 1024 * 1024
 """Payloads of all keys together; the key that was delivered to least recently makes room."""
@@ -34,13 +34,13 @@ class LatchedSamples:
     def __init__(self, limit_bytes: int = LIMIT_BYTES) -> None:
         self._limit_bytes = limit_bytes
         self._bytes = 0
-        self._of: dict[SendLane, deque[Outgoing]] = {}
+        self._of: dict[SendLane, deque[OutgoingSample]] = {}
 
     def __iter__(self) -> Iterator[SendLane]:
         return iter(self._of)
 
     def ended(
-        self, stream: Stream, lane: SendLane, sample: Outgoing, outcome: DeliveryOutcome
+        self, stream: Stream, lane: SendLane, sample: OutgoingSample, outcome: DeliveryOutcome
     ) -> None:
         """Keep a sample that all its receivers have."""
         is_latched = stream.qos.durability is Durability.TRANSIENT_LOCAL
@@ -73,7 +73,9 @@ class LatchedSamples:
         for sample in self._of.pop(lane, ()):
             self._drop(sample)
 
-    def again(self, stream: Stream, lane: SendLane, address: int, now: int) -> Outgoing | None:
+    def again(
+        self, stream: Stream, lane: SendLane, address: int, now: int
+    ) -> OutgoingSample | None:
         """Put the samples of a key back for one receiver; return the newest; None: none."""
         first = lane.spans.of(address, max(0, lane.next_number - 1)).first
         most = min(stream.qos.depth, _MOST_SAMPLES)
@@ -85,6 +87,6 @@ class LatchedSamples:
         ]
         return lane.give_again(stream, kept, first, address)
 
-    def _drop(self, sample: Outgoing) -> None:
+    def _drop(self, sample: OutgoingSample) -> None:
         assert sample.made_of is not None
         self._bytes -= sample.made_of.size_bytes

@@ -24,7 +24,12 @@ from zacoustic.core.schedule.copies import (
 from zacoustic.core.schedule.pacers import Pacers
 from zacoustic.core.schedule.timing import FEW_RECEIVERS, LinkTimes, Pacer, ack_slots
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.core.transport.reliable.sending.sendlane import AT_ONCE, Outgoing, SendLane, Stage
+from zacoustic.core.transport.reliable.sending.sendlane import (
+    AT_ONCE,
+    OutgoingSample,
+    SendLane,
+    Stage,
+)
 
 _COPIED_AT_ONCE: Final = 2
 """With more samples than this, copies would fill the channel and no answer could be heard."""
@@ -77,7 +82,7 @@ class Pacing:
         self._stats.round_trips_ns.pop(address, None)
 
     def first_acknowledged(
-        self, lane: SendLane, sample: Outgoing, source: int, now: int, *,
+        self, lane: SendLane, sample: OutgoingSample, source: int, now: int, *,
         is_last: bool, had_gap: bool,
     ) -> int:  # fmt: skip
         """Learn from an ACK; return the order of the transmission that it presumably answers.
@@ -113,7 +118,7 @@ class Pacing:
                 other.due_at = max(other.due_at, now + self.pause_ns(lane, other))
         return order
 
-    def begins(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+    def begins(self, lane: SendLane, sample: OutgoingSample, now: int) -> None:
         """Record that a transmission of a sample begins."""
         lane.begins(sample, now, self._pacers.link_times)
 
@@ -148,7 +153,7 @@ class Pacing:
                 sample.holes += 1
                 sample.due_at = AT_ONCE
 
-    def ready_at(self, lane: SendLane, sample: Outgoing) -> int:
+    def ready_at(self, lane: SendLane, sample: OutgoingSample) -> int:
         """Return when to repeat a sample, ns; answers to later transmissions are awaited first."""
         if sample.follows or sample.asked:
             return sample.due_at
@@ -163,11 +168,11 @@ class Pacing:
         at = max(self._in_time(lane, sample, at_most_ns), min(quiet, default=0))
         return self._before_end(sample, at)
 
-    def due_at(self, lane: SendLane, sample: Outgoing) -> int:
+    def due_at(self, lane: SendLane, sample: OutgoingSample) -> int:
         """Return when a sample is due, without regard to answers to later transmissions, ns."""
         return self._before_end(sample, self._in_time(lane, sample, self._at_most_ns(lane, sample)))
 
-    def may_repeat(self, lane: SendLane, sample: Outgoing, now: int) -> bool:
+    def may_repeat(self, lane: SendLane, sample: OutgoingSample, now: int) -> bool:
         """Return whether a sample may open or join a turn of repetitions now."""
         if self.ready_at(lane, sample) <= now:
             return True
@@ -180,7 +185,7 @@ class Pacing:
             )
         )
 
-    def takes(self, lane: SendLane, sample: Outgoing, now: int) -> bool:
+    def takes(self, lane: SendLane, sample: OutgoingSample, now: int) -> bool:
         """Take a sample into the present turn of the receivers that lack it; False: no room."""
         times, priority = self.times, self._priority(lane)
         lacking = [self.timing(each) for each in lane.lacking(sample)]
@@ -197,7 +202,7 @@ class Pacing:
         taken = [each.takes(size_bytes, now, times) for each in turns]
         return any(taken) or not lacking
 
-    def repeats(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+    def repeats(self, lane: SendLane, sample: OutgoingSample, now: int) -> None:
         """Record that a sample is repeated because its receivers have not answered."""
         if self.times is None or sample.asked:
             return
@@ -206,12 +211,12 @@ class Pacing:
                 self.timing(address).unanswered(now, self.times)
         self._await_answer(lane, sample, now, now + self.pause_ns(lane, sample))
 
-    def is_doubtful(self, lane: SendLane, sample: Outgoing) -> bool:
+    def is_doubtful(self, lane: SendLane, sample: OutgoingSample) -> bool:
         """Return whether each receiver that lacks a sample has failed to answer repeatedly."""
         times = self._pacers.link_times
         return all(self.timing(each).is_doubtful(times) for each in lane.lacking(sample))
 
-    def repeat_at(self, lane: SendLane, sample: Outgoing, report: TransmitReport) -> int:
+    def repeat_at(self, lane: SendLane, sample: OutgoingSample, report: TransmitReport) -> int:
         """Return when a sample that was just sent is due again, ns."""
         times = self._pacers.link_times
         was_copy, sample.follows = sample.follows, False
@@ -250,7 +255,7 @@ class Pacing:
         self._await_answer(lane, sample, report.finished_at, due_at, is_repeated=is_repeated)
         return max(due_at, report.finished_at + self._floor_ns(lane, sample))
 
-    def pause_ns(self, lane: SendLane, sample: Outgoing) -> int:
+    def pause_ns(self, lane: SendLane, sample: OutgoingSample) -> int:
         """Draw how long the receivers that lack a sample get to answer, ns."""
         times, lacking = self._pacers.link_times, lane.addressed(sample)
         rank, spread_ns = _order_of_answers(lane, sample, lacking, times)
@@ -273,7 +278,7 @@ class Pacing:
             pause_ns = max(pause_ns, times.first_round_trip_ns + rank * times.ack_slot_ns)
         return pause_ns
 
-    def _floor_ns(self, lane: SendLane, sample: Outgoing) -> int:
+    def _floor_ns(self, lane: SendLane, sample: OutgoingSample) -> int:
         """Return the shortest pause for a key that no receiver acknowledges, ns."""
         frames = self._pacers.link_times.frames_each
         is_urgent = self._priority(lane) is Priority.REAL_TIME
@@ -281,7 +286,7 @@ class Pacing:
         floors_ns = (each.floor_ns(frames, is_urgent=is_urgent) for each in allowances)
         return min(floors_ns, default=0)
 
-    def _at_most_ns(self, lane: SendLane, sample: Outgoing) -> int | None:
+    def _at_most_ns(self, lane: SendLane, sample: OutgoingSample) -> int | None:
         """Return the longest pause with which a repetition meets the deadline, ns; None: none.
 
         The random part and the airtime of a frame come on top of the pause. After a long silence of
@@ -295,7 +300,7 @@ class Pacing:
             return None
         return max(1, deadline_ns - times.doubt_ns - times.airtime_ns(times.mtu_bytes))
 
-    def _in_time(self, lane: SendLane, sample: Outgoing, at_most_ns: int | None) -> int:
+    def _in_time(self, lane: SendLane, sample: OutgoingSample, at_most_ns: int | None) -> int:
         """Return when a sample is due, limited by the longest pause, ns, if there is one."""
         if at_most_ns is None or self.times is None:
             return sample.due_at
@@ -317,7 +322,7 @@ class Pacing:
         if times.is_delegated:
             self._handshake.answers_within(source, timing.round_trip_ns(times))
 
-    def _before_end(self, sample: Outgoing, at: int) -> int:
+    def _before_end(self, sample: OutgoingSample, at: int) -> int:
         """Return `at`, ns, but early enough that an answer can come before the sample expires.
 
         However rare repetitions have become, a sample gets this last one; not before the previous
@@ -330,7 +335,13 @@ class Pacing:
         return min(at, last_at) if last_at < sample.expires_at else at
 
     def _await_answer(
-        self, lane: SendLane, sample: Outgoing, since: int, until: int, *, is_repeated: bool = True
+        self,
+        lane: SendLane,
+        sample: OutgoingSample,
+        since: int,
+        until: int,
+        *,
+        is_repeated: bool = True,
     ) -> None:
         for address in lane.addressed(sample):
             self.timing(address).await_answer(since, until, is_repeated=is_repeated)
@@ -340,7 +351,7 @@ class Pacing:
 
 
 def _order_of_answers(
-    lane: SendLane, sample: Outgoing, lacking: list[int], times: LinkTimes
+    lane: SendLane, sample: OutgoingSample, lacking: list[int], times: LinkTimes
 ) -> tuple[int, int]:
     """Return how many receivers answer before the last one, and the range of random answers, ns."""
     if sample.aimed_at is not None:

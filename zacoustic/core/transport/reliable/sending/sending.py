@@ -15,7 +15,7 @@ from zacoustic.core.base.qos import Durability
 from zacoustic.core.base.stats import Cause
 from zacoustic.core.base.timers import Due
 from zacoustic.core.schedule.context import Context
-from zacoustic.core.schedule.queue import Waiting
+from zacoustic.core.schedule.queue import QueuedRecord
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import (
@@ -31,7 +31,7 @@ from zacoustic.core.transport.reliable.sending.pacing import Pacing
 from zacoustic.core.transport.reliable.sending.sendlane import (
     AT_ONCE,
     JournalledSample,
-    Outgoing,
+    OutgoingSample,
     SampleWaiting,
     SendLane,
     Stage,
@@ -314,7 +314,7 @@ class ReliableSending:
                 self._refresh(lane)
                 self._go_on(lane, now)
 
-    def dropped(self, records: Iterable[Waiting], now: int) -> None:
+    def dropped(self, records: Iterable[QueuedRecord], now: int) -> None:
         """Send as objects the records that no longer fit a frame of the link."""
         for record in records:
             if isinstance(record, SampleWaiting):
@@ -386,7 +386,7 @@ class ReliableSending:
             self._advance(lane, now)
         self._pacers.repeat(now)
 
-    def _stored(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+    def _stored(self, lane: SendLane, sample: OutgoingSample, now: int) -> None:
         if sample.stage is not Stage.STORING:
             return
         sample.stage = Stage.BEHIND
@@ -412,7 +412,7 @@ class ReliableSending:
             if sample.stage is Stage.BEHIND and not lane.is_blocked(sample):
                 self._queue_sample(lane, sample, now)
 
-    def _queue_sample(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+    def _queue_sample(self, lane: SendLane, sample: OutgoingSample, now: int) -> None:
         stream = self._table.by_id(lane.key[0])
         lacking = [
             address
@@ -439,14 +439,16 @@ class ReliableSending:
         qos = msgspec.structs.replace(stream.qos, depth=_ANY_DEPTH, lifespan_s=None)
         self._queue.push(lane.key, sample.waiting, qos)
 
-    def _transmitted(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+    def _transmitted(self, lane: SendLane, sample: OutgoingSample, now: int) -> None:
         """Record that a transmission of a sample begins."""
         self._changed()
         self._order += 1
         sample.order, sample.stage = self._order, Stage.ON_AIR
         self._pacing.begins(lane, sample, now)
 
-    def _reported(self, lane: SendLane, sample: Outgoing, report: TransmitReport, now: int) -> None:
+    def _reported(
+        self, lane: SendLane, sample: OutgoingSample, report: TransmitReport, now: int
+    ) -> None:
         """Record that the transmission has ended, and await an ACK."""
         self._changed()
         if sample.stage is Stage.ON_AIR:
@@ -462,7 +464,7 @@ class ReliableSending:
 
     def _mark(self, lane: SendLane, source: int, expected: int, held: int, now: int) -> None:
         """Note which samples a receiver has, and make due those that it must have missed."""
-        latest: Outgoing | None = None
+        latest: OutgoingSample | None = None
         had_gap = any(source in each.held for each in lane.named())
         lane.name(expected + held.bit_length() + 1)
         for sample in lane.named():
@@ -500,7 +502,7 @@ class ReliableSending:
             return
         room_bytes = times.batch_bytes - self._lanes.repeating_bytes()
         slack_ns = times.first_round_trip_ns // 2
-        batch: list[tuple[SendLane, Outgoing]] = []
+        batch: list[tuple[SendLane, OutgoingSample]] = []
         for lane in self._lanes:
             sent = [sample for sample in lane.active() if lane.awaits(sample)]
             if not any(self._pacing.may_repeat(lane, each, now) for each in sent):
@@ -524,7 +526,7 @@ class ReliableSending:
     def _end(
         self,
         lane: SendLane,
-        sample: Outgoing,
+        sample: OutgoingSample,
         outcome: DeliveryOutcome,
         now: int,
         detail: str = "",
@@ -569,7 +571,7 @@ class ReliableSending:
     def _forgotten(
         self,
         lane: SendLane,
-        sample: Outgoing,
+        sample: OutgoingSample,
         waiting: Sequence[int],
         now: int,
     ) -> None:

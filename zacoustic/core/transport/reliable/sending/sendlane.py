@@ -13,12 +13,12 @@ import msgspec
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.base.moments import Made, Moment
 from zacoustic.core.base.sizes import SIZES, SampleNumbering
-from zacoustic.core.schedule.queue import LaneKey, Waiting
+from zacoustic.core.schedule.queue import LaneKey, QueuedRecord
 from zacoustic.core.schedule.timing import FEW_RECEIVERS, LinkTimes
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.deliveries import DeliveryEnded, DeliveryOutcome
 from zacoustic.core.transport.reliable.rhythm import SendRhythm
-from zacoustic.core.transport.reliable.sending.reception import Reception
+from zacoustic.core.transport.reliable.sending.receiverstate import ReceiverState
 from zacoustic.core.transport.reliable.spans import Spans
 from zacoustic.core.wire.frame import Control, Sync
 from zacoustic.core.wire.numbers import IN_RHYTHM, NUMBERS, Ack, resolve_floor
@@ -73,7 +73,7 @@ class JournalledSample(msgspec.Struct, frozen=True, array_like=True):
         return len(self.payload) + _OVERHEAD_BYTES
 
 
-class Outgoing:
+class OutgoingSample:
     """A sample under way.
 
     Args:
@@ -138,12 +138,12 @@ class Outgoing:
         return self.waiting.prefix[:1] == _DELETE
 
 
-class SampleWaiting(Waiting):
+class SampleWaiting(QueuedRecord):
     """A reliable sample in the transmit queue."""
 
     __slots__ = ("lane", "sample")
     lane: "SendLane"
-    sample: Outgoing
+    sample: OutgoingSample
 
     def head_at(self, now: int) -> bytes:
         """Return wildcards and number, marked if the sample is in rhythm now."""
@@ -182,7 +182,7 @@ class SendLane:
         rhythm: SendRhythm | None = None,
         may_aim: bool = False,
         numbering: SampleNumbering = SIZES.samples,
-        under_way: dict[int, Outgoing] | None = None,
+        under_way: dict[int, OutgoingSample] | None = None,
     ) -> None:
         self._numbering = numbering
         self._under_way = {} if under_way is None else under_way
@@ -194,7 +194,7 @@ class SendLane:
         self.spans = spans
         self.born = 0
         """Samples with smaller numbers were published before the restart."""
-        self.leaving: list[Outgoing] = []
+        self.leaving: list[OutgoingSample] = []
         """Samples that are given up but not yet deleted in the journal, by number. Receivers must
         not pass over them: a later boot epoch that finds one would take that for its delivery."""
         self.is_former = False
@@ -202,10 +202,10 @@ class SendLane:
         self.next_number = next_number
         self.anew_at: int | None = None
         """The number at which the count was last begun anew; None: never."""
-        self.samples: deque[Outgoing] = deque()
-        self._large: dict[int, Outgoing] = {}
+        self.samples: deque[OutgoingSample] = deque()
+        self._large: dict[int, OutgoingSample] = {}
         """Those of them that cross as objects, by delivery id."""
-        self._expiring: list[tuple[int, int, Outgoing]] = []
+        self._expiring: list[tuple[int, int, OutgoingSample]] = []
         """A heap of instants, places in it and samples; also of those that have ended since. One
         that is given again has the delivery id and the instant of the one that ended."""
         self._expiring_place = count()
@@ -216,7 +216,7 @@ class SendLane:
         """No acknowledgement or refusal has named this number or a later one."""
         self._marks: deque[tuple[int, int]] = deque()
         """Instants at which numbers came into use lately, with the first of those numbers."""
-        self.receptions = {address: Reception(next_number) for address in receivers}
+        self.receptions = {address: ReceiverState(next_number) for address in receivers}
 
     @property
     def lineage(self) -> int:
@@ -286,7 +286,7 @@ class SendLane:
         queued_at: int,
         expires_at: int | None,
         made_at: Made = None,
-    ) -> Outgoing:
+    ) -> OutgoingSample:
         """Add a sample with the next number."""
         number = self.next_number
         self.next_number += 1
@@ -301,7 +301,7 @@ class SendLane:
             queued_at=queued_at,
             made_at=made_at,
         )
-        sample = Outgoing(number, kept.delivery_id, waiting)
+        sample = OutgoingSample(number, kept.delivery_id, waiting)
         sample.made_of = kept
         waiting.lane, waiting.sample = self, sample
         self.samples.append(sample)
@@ -311,8 +311,8 @@ class SendLane:
         return sample
 
     def give_again(
-        self, stream: Stream, delivered: Iterable[Outgoing], first: int, address: int
-    ) -> Outgoing | None:
+        self, stream: Stream, delivered: Iterable[OutgoingSample], first: int, address: int
+    ) -> OutgoingSample | None:
         """Send to one receiver again what it has acknowledged from a number on.
 
         Args:
@@ -356,7 +356,7 @@ class SendLane:
             if sample.stage is Stage.SPARE and lacks:
                 sample.stage = Stage.BEHIND
 
-    def insert(self, stream: Stream, kept: JournalledSample, number: int) -> Outgoing:
+    def insert(self, stream: Stream, kept: JournalledSample, number: int) -> OutgoingSample:
         """Insert a sample from before the restart at its number, in place of the one there."""
         end, self.next_number = self.next_number, number
         sample = self.add(stream, kept, queued_at=0, expires_at=None)
@@ -371,14 +371,14 @@ class SendLane:
             reception.expected = min(reception.expected, number)
         return sample
 
-    def active(self) -> Iterator[Outgoing]:
+    def active(self) -> Iterator[OutgoingSample]:
         """Yield the samples whose numbers are in use."""
         for sample in self.samples:
             if sample.number >= self._end:
                 return
             yield sample
 
-    def named(self) -> Iterator[Outgoing]:
+    def named(self) -> Iterator[OutgoingSample]:
         """Yield the samples that may have been sent, or that a receiver has named."""
         end = max(self._end, self._named_end)
         return takewhile(lambda each: each.number < end, self.samples)
@@ -387,12 +387,12 @@ class SendLane:
         """Note that a receiver has named samples before this number."""
         self._named_end = max(self._named_end, end)
 
-    def enlarge(self, sample: Outgoing) -> None:
+    def enlarge(self, sample: OutgoingSample) -> None:
         """Note that a sample crosses as an object."""
         sample.stage, sample.made_of = Stage.OBJECT, None
         self._large[sample.delivery_id] = sample
 
-    def expire(self, sample: Outgoing, at: int) -> None:
+    def expire(self, sample: OutgoingSample, at: int) -> None:
         """Set the instant after which a sample is worthless, ns."""
         if sample.expires_at == at:
             return
@@ -409,9 +409,9 @@ class SendLane:
             heappop(self._expiring)
         return None
 
-    def expired(self, now: int) -> list[Outgoing]:
+    def expired(self, now: int) -> list[OutgoingSample]:
         """Return the samples that have expired, by number, for their end; each only once."""
-        samples: list[Outgoing] = []
+        samples: list[OutgoingSample] = []
         while (at := self.expires_at) is not None and at <= now:
             samples.append(heappop(self._expiring)[2])
         return sorted(samples, key=lambda each: each.number)
@@ -428,7 +428,7 @@ class SendLane:
             self._end = end
         return self._marks[0][0] + settling_ns if end < wanted else None
 
-    def remove(self, sample: Outgoing) -> bool:
+    def remove(self, sample: OutgoingSample) -> bool:
         """Remove a sample; return whether receivers wait for its number.
 
         If neither it nor any sample behind it was ever sent, those behind move up by one number,
@@ -452,11 +452,11 @@ class SendLane:
         self._end = min(self._end, self.next_number)
         return False
 
-    def awaits(self, sample: Outgoing) -> bool:
+    def awaits(self, sample: OutgoingSample) -> bool:
         """Return whether a sample is sent and still lacks an answer."""
         return sample.stage is Stage.SENT and bool(self.lacking(sample))
 
-    def lacking(self, sample: Outgoing) -> list[int]:
+    def lacking(self, sample: OutgoingSample) -> list[int]:
         """Return the receivers that may have the sample now and are not known to have it."""
         first = self.spans.first_of(sample.number)
         return [
@@ -465,7 +465,7 @@ class SendLane:
             if address not in sample.held and not self._waits(address, first)
         ]
 
-    def addressed(self, sample: Outgoing) -> list[int]:
+    def addressed(self, sample: OutgoingSample) -> list[int]:
         """Return those of `lacking` that its last transmission was addressed to."""
         lacking = self.lacking(sample)
         if sample.aimed_at is None:
@@ -474,7 +474,7 @@ class SendLane:
 
     def ended(
         self,
-        sample: Outgoing,
+        sample: OutgoingSample,
         outcome: DeliveryOutcome,
         now: int,
         detail: str,
@@ -490,7 +490,7 @@ class SendLane:
             detail=detail,
         )
 
-    def leave(self, sample: Outgoing) -> None:
+    def leave(self, sample: OutgoingSample) -> None:
         """Note a given up sample until its end is journalled."""
         self.leaving = sorted([*self.leaving, sample], key=lambda each: each.number)
 
@@ -498,15 +498,15 @@ class SendLane:
         """Return whether a receiver lacks something of a lineage before this number's."""
         return bool(first) and self.floor_of(address) < first
 
-    def _some_wait(self, sample: Outgoing) -> bool:
+    def _some_wait(self, sample: OutgoingSample) -> bool:
         first = self.spans.first_of(sample.number)
         return any(self._waits(address, first) for address in self.missing(sample))
 
-    def is_blocked(self, sample: Outgoing) -> bool:
+    def is_blocked(self, sample: OutgoingSample) -> bool:
         """Return whether all receivers of a sample lack something of an earlier lineage."""
         return bool(self.missing(sample)) and not self.lacking(sample)
 
-    def missing(self, sample: Outgoing) -> list[int]:
+    def missing(self, sample: OutgoingSample) -> list[int]:
         """Return the receivers that have not acknowledged a sample and everything before it."""
         return [
             address
@@ -515,7 +515,7 @@ class SendLane:
             and (self.subscribers is None or address in self.subscribers)
         ]
 
-    def is_marked(self, sample: Outgoing, now: int) -> bool:
+    def is_marked(self, sample: OutgoingSample, now: int) -> bool:
         """Return whether a sample that is sent now is marked as in rhythm."""
         if self.rhythm is None or sample.waiting.sync or self._has_large:
             return False
@@ -524,14 +524,14 @@ class SendLane:
             return sample.asked and self.rhythm_is_known(sample)
         return self.rhythm.marks(sample.number, reception.expected, now)
 
-    def rhythm_is_known(self, sample: Outgoing) -> bool:
+    def rhythm_is_known(self, sample: OutgoingSample) -> bool:
         """Return whether the receiver would ask for a sample, the newest that was sent."""
         if self.rhythm is None or self._has_large:
             return False
         (reception,) = self.receptions.values()
         return reception.in_sync and self.rhythm.is_known(sample.number, reception.expected)
 
-    def begins(self, sample: Outgoing, now: int, times: LinkTimes) -> None:
+    def begins(self, sample: OutgoingSample, now: int, times: LinkTimes) -> None:
         """Record that a transmission of a sample begins."""
         sample.marked = self.is_marked(sample, now)
         if self.rhythm is not None:
@@ -559,7 +559,7 @@ class SendLane:
             if sample.stage is Stage.SENT and is_earlier and address in self.lacking(sample):
                 sample.due_at = AT_ONCE
 
-    def address(self, sample: Outgoing, lacking: list[int]) -> None:
+    def address(self, sample: OutgoingSample, lacking: list[int]) -> None:
         """Address the record of a sample to receivers, with SYNC if one of them needs it."""
         waiting = sample.waiting
         skip = (each for each in lacking if self.receptions[each].skips_to > self._told(each))
@@ -602,7 +602,7 @@ class SendLane:
             if sample.aimed_at == address and self.awaits(sample) and not self.addressed(sample):
                 sample.due_at = AT_ONCE
 
-    def address_anew(self) -> list[Outgoing]:
+    def address_anew(self) -> list[OutgoingSample]:
         """Readdress the queued samples to those who lack them; return those nobody lacks."""
         queued = [sample for sample in self.active() if sample.stage is Stage.QUEUED]
         for sample in queued:
@@ -617,7 +617,7 @@ class SendLane:
                 sample.due_at = max(sample.due_at, due_at)
         return due_at
 
-    def skip(self, sample: Outgoing, address: int) -> None:
+    def skip(self, sample: OutgoingSample, address: int) -> None:
         """Skip a sample for a receiver; others may still lack it."""
         self.name(sample.number + 1)
         sample.acknowledged.add(address)
@@ -643,7 +643,7 @@ class SendLane:
 
     # Below the methods above
 
-    def _aims(self, sample: Outgoing, lacking: list[int]) -> bool:
+    def _aims(self, sample: OutgoingSample, lacking: list[int]) -> bool:
         """Return whether to repeat a sample to one receiver alone.
 
         All receivers that hear a repetition addressed to all acknowledge it again, since they
@@ -658,7 +658,7 @@ class SendLane:
         """Whether a large sample is under way, so that its receiver expects no rhythm."""
         return bool(self._large)
 
-    def _left(self, sample: Outgoing) -> None:
+    def _left(self, sample: OutgoingSample) -> None:
         for samples in (self._under_way, self._large):
             if samples.get(sample.delivery_id) is sample:
                 del samples[sample.delivery_id]

@@ -13,7 +13,7 @@ from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.transport.reliable.rhythm import SendRhythm
 from zacoustic.core.transport.reliable.sending.keeping import JournalledLane
-from zacoustic.core.transport.reliable.sending.sendlane import Outgoing, SendLane, Stage
+from zacoustic.core.transport.reliable.sending.sendlane import OutgoingSample, SendLane, Stage
 from zacoustic.core.transport.reliable.spans import LINEAGES, Span, Spans
 from zacoustic.core.transport.subscriptions.subscriptions import Subscriptions
 from zacoustic.errors import LocalError
@@ -53,7 +53,7 @@ class SendLanes:
         """Topics of which others have sent samples in the lineage that this boot epoch would
         begin."""
         self._lanes: dict[LaneKey, SendLane] = {}
-        self.under_way: dict[int, Outgoing] = {}
+        self.under_way: dict[int, OutgoingSample] = {}
         """The samples of all lanes, by delivery id."""
 
     def __iter__(self) -> Iterator[SendLane]:

@@ -20,7 +20,7 @@ from zacoustic.core.transport.deliveries import DeliveryOutcome
 from zacoustic.core.transport.reliable.sending.keeping import Keeping
 from zacoustic.core.transport.reliable.sending.sendlane import (
     JournalledSample,
-    Outgoing,
+    OutgoingSample,
     SendLane,
     Stage,
 )
@@ -44,7 +44,7 @@ class SequenceSlot(msgspec.Struct, frozen=True):
 class Large(Protocol):
     """The sender of large samples."""
 
-    def enlarge(self, sample: Outgoing, stream_id: int, slot: SequenceSlot, now: int) -> str:
+    def enlarge(self, sample: OutgoingSample, stream_id: int, slot: SequenceSlot, now: int) -> str:
         """Send as an object a sample that was published as a small one; return why not, or ''."""
 
     def is_crossing(self, delivery_id: int) -> bool:
@@ -79,7 +79,7 @@ class LargeSlots:
         lose: Callable[[SendLane, int], None],
         go_on: Callable[[SendLane, int], None],
         begin_anew: Callable[[SendLane], None],
-        pause_ns: Callable[[SendLane, Outgoing], int],
+        pause_ns: Callable[[SendLane, OutgoingSample], int],
     ) -> None:
         self._lanes = lanes
         self._keeping = keeping
@@ -88,7 +88,7 @@ class LargeSlots:
         self._go_on = go_on
         self._begin_anew = begin_anew
         self._pause_ns = pause_ns
-        self._large: dict[int, tuple[SendLane, Outgoing]] = {}
+        self._large: dict[int, tuple[SendLane, OutgoingSample]] = {}
         self.sender: Large | None = None
         """The sender of large samples."""
 
@@ -123,7 +123,7 @@ class LargeSlots:
         is_object = first.stage is Stage.OBJECT
         return is_displaced and is_object and self.sender.is_crossing(first.delivery_id)
 
-    def is_large(self, sample: Outgoing, largest_bytes: int | None) -> bool:
+    def is_large(self, sample: OutgoingSample, largest_bytes: int | None) -> bool:
         """Return whether a sample fits no frame, given the size of the largest record, bytes."""
         if largest_bytes is None:
             return False
@@ -132,7 +132,7 @@ class LargeSlots:
         least_bytes = LEAST_ACK_BYTES + len(waiting.head) - NUMBER_BYTES
         return max(record_bytes, least_bytes) > largest_bytes
 
-    def enlarge(self, lane: SendLane, sample: Outgoing, now: int) -> None:
+    def enlarge(self, lane: SendLane, sample: OutgoingSample, now: int) -> None:
         """Send as an object a sample that fits no frame, or give it up."""
         fault = "oversized"
         if self.sender is not None and sample.waiting.prefix[:1] != bytes((Control.DELETE,)):
@@ -238,7 +238,7 @@ class LargeSlots:
             self.give_up(lane, sample, outcome, now, detail, missing)
             self._go_on(lane, now)
 
-    def left(self, sample: Outgoing, outcome: DeliveryOutcome, now: int) -> None:
+    def left(self, sample: OutgoingSample, outcome: DeliveryOutcome, now: int) -> None:
         """Withdraw the object of a large sample that has left its lane."""
         if self._large.pop(sample.delivery_id, None) is not None and self.sender is not None:
             self.sender.withdraw(sample.delivery_id, outcome, now)
@@ -256,7 +256,7 @@ class LargeSlots:
     def give_up(
         self,
         lane: SendLane,
-        sample: Outgoing,
+        sample: OutgoingSample,
         outcome: DeliveryOutcome,
         now: int,
         detail: str = "",
@@ -294,7 +294,9 @@ class LargeSlots:
 
     # Below the methods above
 
-    def _leave_out(self, lane: SendLane, sample: Outgoing, subscribers: Set[int] | None) -> None:
+    def _leave_out(
+        self, lane: SendLane, sample: OutgoingSample, subscribers: Set[int] | None
+    ) -> None:
         """Skip a large sample for all receivers but `subscribers`; None: it is for all."""
         if subscribers is not None:
             for address in lane.receptions.keys() - subscribers:

@@ -3,7 +3,7 @@
 from zacoustic.core.base.allowance import Allowance
 
 
-class Reception:
+class ReceiverState:
     """What one receiver is known to have of a lane."""
 
     __slots__ = (
