@@ -450,22 +450,20 @@ class Engine:
 
         With the next poll for an event or a journal write the application has taken it.
         """
-        now, doubt = self._now, ""
-        for stack in self._stacks.values():
-            doubt = doubt or stack.transmitter.clock_doubt(now)
+        now, doubt = self._now, self.silence.clock_doubt
+        transmitters = [each.transmitter for each in self._stacks.values()]
+        for each in transmitters:
+            doubt = doubt or (each.clock_doubt(now) if each.has_schedule else "")
         self.clock.review(doubt, now)
-        for stack in self._stacks.values():
-            stack.transmitter.review(now)
+        for each in transmitters:
+            each.review(now)
         if self._handed_over is not None:
             self._settle_event()
         self._handed_over = self._events.popleft() if self._events else None
         return self._handed_over
 
     def poll_timeout(self) -> int | None:
-        """Return the instant at which to call `handle_timeout`, ns.
-
-        None means that the engine waits for inputs only.
-        """
+        """Return the instant at which to call `handle_timeout`, ns; None: it awaits inputs only."""
         now, earliest = self._now, self._timers.next_at()
         for stack in self._stacks.values():
             frame_at = stack.transmitter.next_at(now)

@@ -100,6 +100,8 @@ class Transmitter:
         """The last reported state of the link."""
         self.airtime = airtime
         """The airtime caps of streams and node."""
+        self.has_schedule = False
+        """Whether medium access has a schedule, which depends on the clock."""
         self._gate: Gate | None = None
         """Decides when a frame goes; None before the link was up."""
         self._replies = replies
@@ -119,7 +121,7 @@ class Transmitter:
         """Begin with a port: the link is up for the first time, or its capabilities are new."""
         if self.port is not None:
             self.port.close(now)
-        self.port = port
+        self.port, self.has_schedule = port, port.access.has_schedule
         is_up = self.link_state is LinkState.UP
         self._gate = Gate(port, self._frames, self._silence, self.airtime, is_up=is_up)
         self._tell_access(port, now)
@@ -150,7 +152,7 @@ class Transmitter:
 
     def review(self, now: int) -> None:
         """Emit an event if nothing is heard, or medium access has changed."""
-        if self.port is not None and self.port.access.has_schedule:
+        if self.port is not None and self.has_schedule:
             self._review_access(self.port.access, now)
         if self._frames_at_up is None:
             return
@@ -170,7 +172,7 @@ class Transmitter:
         port, gate, frames = self.port, self._gate, self._frames
         if port is None or gate is None:
             return None
-        if port.access.has_schedule:
+        if self.has_schedule:
             port.access.review(now)
         composed = None
         granted = self._silence.granted(now)
@@ -238,7 +240,7 @@ class Transmitter:
         port, gate = self.port, self._gate
         if port is None or gate is None:
             return False
-        return gate.is_wanted or port.access.has_schedule
+        return gate.is_wanted or self.has_schedule
 
     def waits(self, now: int) -> Waits | None:
         """Return why the next frame waits; None: nothing waits, or it goes at once."""
@@ -261,11 +263,8 @@ class Transmitter:
             self._gate.is_free(now, holds=True)
 
     def clock_doubt(self, now: int) -> str:
-        """Return why a doubtful time keeps this node silent, one line; empty: it does not."""
-        doubt = self._silence.clock_doubt
-        if doubt or self.port is None or not self.port.access.has_schedule:
-            return doubt
-        return self.port.access.clock_doubt(now)
+        """Return why a doubtful time keeps the schedule silent, one line; empty: it does not."""
+        return "" if self.port is None else self.port.access.clock_doubt(now)
 
     def access_state(self, now: int) -> AccessState | None:
         """Return what a schedule does at present; None: there is none, or no link yet."""
