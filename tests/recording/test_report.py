@@ -18,6 +18,7 @@ from zacoustic.app.tools.design.sim.simulation import simulate
 from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
 from zacoustic.app.tools.inspect.recordings.facts.gathering import add_messages, gather
 from zacoustic.app.tools.inspect.recordings.report.figures import Figures, figures_of
+from zacoustic.app.tools.inspect.recordings.report.linkfigures import losses_over_time
 from zacoustic.app.tools.inspect.recordings.report.plots import plots_of
 from zacoustic.app.tools.inspect.recordings.report.reporttext import as_text
 from zacoustic.app.tools.inspect.recordings.report.spread import spread_of
@@ -169,6 +170,18 @@ def test_links_without_addresses_have_figures_as_well() -> None:
     facts = Facts()
     add_messages(facts, sink.messages)
     assert {(each.source, each.node) for each in figures_of(facts).links} == {(1, 2), (2, 1)}
+
+
+def test_link_on_which_nothing_ever_arrives_loses_all() -> None:
+    recorder, sink = recorded()
+    network = VirtualNetwork(line(0, 800, 90_000), survey(), build=recorder.make)
+    run_survey(network, until_s=300)
+    recorder.finish()
+    facts = Facts()
+    add_messages(facts, sink.messages)
+    lost = losses_over_time(facts, 10)
+    assert {share for _, share in lost[1, 3]} == {1.0}
+    assert min(share for _, share in lost[1, 2]) < 1.0
 
 
 def test_spreads_are_of_all_numbers() -> None:

@@ -139,8 +139,13 @@ def losses_over_time(facts: Facts, bins: int) -> dict[Pair, Shares]:
         place = bisect.bisect_right(known, utc_ns + _CLOCKS_NS)
         if place:
             got.setdefault(pair, [0] * bins)[part(known.pop(place - 1))] += 1
+    nothing = [0] * bins
     return {
-        pair: [(index, 1 - got[pair][index] / number) for index, number in enumerate(row) if number]
+        pair: [
+            (index, 1 - came / number)
+            for index, (number, came) in enumerate(zip(row, got.get(pair, nothing), strict=True))
+            if number
+        ]
         for pair, row in sorted(counts.items())
         if pair in got or pair not in heard
     }
