@@ -1,17 +1,141 @@
-"""Events as records: published and received samples, requests, and every frame."""
+"""Events: rows of numbers, from which figures come; and records of the load, to repeat it.
 
-import bisect
-from typing import Any
+Rows are of samples, frames, answers and measurements. Records contain values as well, and exist
+unless the reading is lean.
+"""
+
+import struct
+from typing import Any, Final
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.facts.framecolumns import FrameColumns
 from zacoustic.app.tools.inspect.recordings.facts.reactions import Reactions
-from zacoustic.core.base.linktypes import LinkCapabilities, PeerMeasured
+from zacoustic.app.tools.inspect.recordings.facts.rows import Row, Rows
+from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream, StreamTable
-from zacoustic.run.recording.channels import FrameRecord, LedgerRecord, ReportRecord
+from zacoustic.run.recording.channels import LedgerRecord
 from zacoustic.run.recording.life import Life
+
+METRICS: Final = (
+    "snr_db",
+    "received_level_db",
+    "integrity",
+    "propagation_s",
+    "range_m",
+    "range_rate_m_s",
+)
+"""Quantities that a modem may measure, as in `LinkMetrics`, in the order of the table."""
+
+
+class Sample(Row, frozen=True):
+    """A published or received sample; equal ones stand together, by time."""
+
+    layout = struct.Struct("<12s12sq?QIBB")
+    place: bytes
+    """Digest of stream, publisher and key."""
+    content: bytes
+    """Digest of the value in the codec of the stream."""
+    at_ns: int
+    """UTC, ns."""
+    is_arrival: bool
+    """It was received."""
+    number: int
+    """Its number among all samples, in the order of reading."""
+    stream_id: int
+    """Its topic."""
+    source: int
+    """The publisher; 0: unknown."""
+    node: int
+    """The publisher, or the receiver."""
+
+
+class Delivery(Row, frozen=True):
+    """A published sample that arrived, or an answered call or goal; in the order of `number`."""
+
+    layout = struct.Struct("<QqQIqB12s")
+    number: int
+    """Number of the publication among the samples, or of the request among the requests."""
+    at_ns: int
+    """Time of the arrival, of the answer or of the goal's end, UTC, ns."""
+    arrival: int
+    """Number of the arrival among the samples, or 0."""
+    stream_id: int
+    """Its topic, service or action."""
+    begun_ns: int
+    """Time of the publication or the request, UTC, ns."""
+    source: int
+    """The publisher, or the client."""
+    place: bytes = b""
+    """As in `Sample`."""
+
+
+class Frame(Row, frozen=True):
+    """A sent or received frame."""
+
+    layout = struct.Struct("<q?BBBd12s")
+    at_ns: int
+    """UTC, ns; the end of a received one."""
+    is_sent: bool
+    """The node sent it."""
+    node: int
+    """Node of the link."""
+    source: int
+    """Its sender; 0: unknown."""
+    destination: int
+    """Its destination, or broadcast."""
+    airtime_s: float
+    """Its airtime, s; 0: unknown."""
+    content: bytes
+    """Digest of its bytes."""
+
+
+class Number(Row, frozen=True):
+    """A measurement of a modem, an age or a latency."""
+
+    layout = struct.Struct("<IBBdq")
+    what: int
+    """Index in `METRICS`; of an age or a latency the stream."""
+    source: int
+    """The measured node; of an age or a latency 0."""
+    node: int
+    """The measuring node; of an age or a latency 0."""
+    number: float
+    """The value; of an age or a latency s."""
+    at_ns: int
+    """UTC, ns."""
+
+
+class Counts(msgspec.Struct):
+    """Numbers of events of one stream."""
+
+    published: int = 0
+    """Samples and deletions."""
+    samples: dict[int, int] = {}
+    """Samples, by publisher."""
+    arrived: int = 0
+    """Received samples."""
+    receivers: set[int] = set()
+    """The nodes that received them."""
+    asked: int = 0
+    """Calls and goals."""
+    failed: int = 0
+    """Those that ended without an answer."""
+    refused: int = 0
+    """Commands refused by the engine."""
+    outcomes: dict[str, int] = {}
+    """Outcomes of reliable samples."""
+
+
+class Transmitted(msgspec.Struct):
+    """Sums of the frames sent by one node."""
+
+    frames: int = 0
+    """Their number."""
+    size_bytes: int = 0
+    """Their bytes."""
+    airtime_s: float = 0.0
+    """Their airtime, s."""
 
 
 class Published(msgspec.Struct, kw_only=True):
@@ -25,16 +149,12 @@ class Published(msgspec.Struct, kw_only=True):
     """Its topic."""
     instance: Instance
     """Its key in the topic."""
-    payload: bytes
-    """Its value, in the codec of the stream."""
     value: Any
     """Its value from the application, in plain parts."""
     delete: bool = False
     """The key was deleted."""
     encoding: str | None = None
     """Its encoding, if not that of the stream."""
-    arrived: dict[int, int] = {}
-    """Time of its arrival by node, UTC, ns."""
 
 
 class Arrived(msgspec.Struct, kw_only=True):
@@ -50,8 +170,6 @@ class Arrived(msgspec.Struct, kw_only=True):
     """Its topic."""
     instance: Instance = ()
     """Its key in the topic."""
-    payload: bytes = b""
-    """Its value, in the codec of the stream."""
     value: Any = None
     """The value in plain parts."""
     age_s: float | None = None
@@ -61,6 +179,8 @@ class Arrived(msgspec.Struct, kw_only=True):
 class Asked(msgspec.Struct, kw_only=True):
     """A call or a goal."""
 
+    number: int
+    """Its number among all requests, in the order of reading."""
     at_ns: int
     """UTC, ns."""
     node: int
@@ -115,7 +235,8 @@ class Facts:
     """All events; made by `gather`.
 
     Args:
-        lean: Keep what figures need alone.
+        lean: Keep what figures need alone, in rows and sums: no published, arrived and asked
+            values, no commands, boot epochs and reactions.
     """
 
     def __init__(self, *, lean: bool = False) -> None:
@@ -129,8 +250,6 @@ class Facts:
         """Why boot epochs of engines could not be read."""
         self.unread = 0
         """Calls of engines that this program cannot read."""
-        self.gaps: set[int] = set()
-        """Nodes whose recordings have gaps."""
         self.tables: dict[int, StreamTable] = {}
         """Streams of each node whose engine is recorded."""
         self.streams: dict[int, Stream] = {}
@@ -138,35 +257,45 @@ class Facts:
         self.capabilities: dict[int, LinkCapabilities] = {}
         self.epochs: dict[int, int] = {}
         """Number of recorded boot epochs of each node."""
+        self.counts: dict[int, Counts] = {}
+        """Numbers of events by stream."""
+        self.samples: Rows[Sample] = Rows(Sample)
+        self.sources: set[int] = set()
+        """The publishers of received samples; 0: unknown."""
+        self.ages: Rows[Number] = Rows(Number)
+        """Ages of received samples, as far as they are known, s."""
+        self.deliveries: Rows[Delivery] = Rows(Delivery)
+        """Samples that arrived at recorded nodes; found by `match`."""
+        self.requests = 0
+        """Number of calls and goals."""
+        self.answers: Rows[Delivery] = Rows(Delivery)
+        """Answered calls and goals."""
+        self.frames: Rows[Frame] = Rows(Frame)
+        self.frame_nodes: set[int] = set()
+        """Nodes with frames."""
+        self.transmitted: dict[int, Transmitted] = {}
+        """Sums of the frames sent by each node."""
+        self.on_frames: Rows[Number] = Rows(Number)
+        """Measurements on received frames."""
+        self.on_peers: Rows[Number] = Rows(Number)
+        """Measurements of modems besides frames."""
+        self.handled: list[Handled] = []
+        """Remote commands that nodes have executed or refused."""
+        self.report_counts: dict[int, dict[str, int]] = {}
+        """Number of reports by node and outcome."""
         self.published: list[Published] = []
         self.arrived: list[Arrived] = []
         self.asked: list[Asked] = []
         self.commands: list[Command] = []
         """Other commands of the applications."""
-        self.handled: list[Handled] = []
-        """Remote commands that nodes have executed or refused."""
         self.reactions = Reactions()
         """The programs' reactions to requests."""
         self.births: list[tuple[int, Life]] = []
         """The boot epochs, each with its beginning, UTC, ns."""
-        self.refused: dict[int, int] = {}
-        """Commands refused by the engine, by stream."""
-        self.outcomes: dict[int, dict[str, int]] = {}
-        """Outcomes of reliable samples, by stream."""
-        self.frames: list[tuple[int, FrameRecord]] | FrameColumns = FrameColumns() if lean else []
-        """Frames with their instants, UTC, ns; received ones with their end."""
-        self.reports: list[tuple[int, ReportRecord]] = []
-        """Reports with the end of their transmission, UTC, ns; none if lean."""
-        self.report_counts: dict[int, dict[str, int]] = {}
-        """Number of reports by node and outcome."""
-        self.measured: list[tuple[int, int, PeerMeasured]] = []
-        """Measurements of modems besides frames: UTC, ns, the modem's node, the values."""
         self.spans_ns: dict[int, tuple[int, int]] = {}
         """First and last message of each node, UTC, ns."""
         self.ledgers: dict[tuple[int, int], LedgerRecord] = {}
         """The last of each boot epoch, by node and epoch."""
-        self.sent_bytes: dict[int, int] = {}
-        """Bytes of each node's frames."""
         self.covered_bytes: dict[int, int] = {}
         """Bytes of each node's frames before its last ledger."""
         self.began_ns = 0
@@ -177,34 +306,16 @@ class Facts:
         """From the first message to the last, s."""
         return (self.ended_ns - self.began_ns) / 1e9
 
+    def counts_of(self, stream_id: int) -> Counts:
+        """Return the numbers of a stream, to count further."""
+        return self.counts.setdefault(stream_id, Counts())
+
     @property
     def nodes(self) -> list[int]:
         """Nodes whose link was recorded."""
-        return sorted({*self.tables, *(frame.node for _, frame in self.frames)})
+        return sorted({*self.tables, *self.frame_nodes})
 
     def is_recorded(self, node: int, utc_ns: int) -> bool:
         """Tell whether a node was recorded before and after an instant."""
         first_ns, last_ns = self.spans_ns.get(node, (0, 0))
         return first_ns <= utc_ns <= last_ns
-
-
-def match(facts: Facts) -> None:
-    """Find the publication of each received sample, if its publisher is recorded.
-
-    It is the newest publication of the same value that this node has not received yet, which is
-    exact as long as values differ.
-    """
-    waiting: dict[tuple[int, int, Instance, bytes], list[Published]] = {}
-    for published in facts.published:
-        published.arrived.clear()
-        if not published.delete:
-            key = (published.stream_id, published.node, published.instance, published.payload)
-            bisect.insort(waiting.setdefault(key, []), published, key=lambda each: each.at_ns)
-    for arrived in sorted(facts.arrived, key=lambda each: each.at_ns):
-        key = (arrived.stream_id, arrived.source, arrived.instance, arrived.payload)
-        known = waiting.get(key, [])
-        place = bisect.bisect_right(known, arrived.at_ns, key=lambda each: each.at_ns)
-        for published in reversed(known[:place]):
-            if arrived.node not in published.arrived:
-                published.arrived[arrived.node] = arrived.at_ns
-                break

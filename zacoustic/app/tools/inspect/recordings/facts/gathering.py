@@ -4,6 +4,7 @@ A recorded engine gives everything: requests, received samples, every frame. A r
 gives the frames of its gateways, and the samples that they received.
 """
 
+import functools
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator
@@ -13,19 +14,27 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.app.tools.inspect.recordings.facts.facts import (
+    METRICS,
     Arrived,
     Asked,
     Command,
+    Delivery,
     Facts,
+    Frame,
     Handled,
+    Number,
     Published,
+    Sample,
+    Transmitted,
 )
 from zacoustic.app.tools.inspect.recordings.facts.reactions import REACTIONS
+from zacoustic.app.tools.inspect.recordings.facts.rows import Rows
 from zacoustic.core.base.linktypes import (
     LinkMetrics,
     Measurement,
     PeerMeasured,
 )
+from zacoustic.core.streams.keys import Instance
 from zacoustic.core.streams.table import Stream, StreamTable
 from zacoustic.core.values.types import TypeTable
 from zacoustic.core.wire.envelope import Envelope, Opened
@@ -55,7 +64,7 @@ def gather(
 
     Args:
         paths: The files.
-        lean: Keep what figures need alone: no values, no reactions, of a frame its numbers.
+        lean: Keep what figures need alone, see `Facts`.
         progress: Called with the share that has been read, 0…1.
 
     Raises:
@@ -75,7 +84,7 @@ def gather(
         facts.programs[str(path)] = source.program
         if source.damage:
             facts.damage[str(path)] = source.damage
-    if not (facts.tables or facts.frames or facts.arrived or facts.ledgers):
+    if not (facts.tables or facts.frames or facts.sources or facts.ledgers):
         why = "; ".join(f"{path} ends early: {damage}" for path, damage in facts.damage.items())
         raise ConfigError(
             f"{', '.join(facts.files)}: nothing of a gateway or an engine is in it"
@@ -187,18 +196,12 @@ class _Gatherer:
         facts, data, is_network = self._facts, message.data, message.is_of_network
         match name:
             case "frames":
-                frame = _FRAMES.decode(data)
-                for each in self._named(frame):
-                    facts.frames.append((message.utc_ns, each))
-                if frame.direction == SENT:
-                    sent_bytes = facts.sent_bytes.get(node, 0) + frame.size_bytes
-                    facts.sent_bytes[node] = sent_bytes
+                for each in self._named(_FRAMES.decode(data)):
+                    self._take_frame(each, message.utc_ns)
             case "reports":
                 report = _REPORTS.decode(data)
                 counts = facts.report_counts.setdefault(report.node, {})
                 counts[report.outcome] = counts.get(report.outcome, 0) + 1
-                if not facts.is_lean:
-                    facts.reports.append((message.utc_ns, report))
             case "links" | "link":
                 capabilities = capabilities_in(message)
                 if capabilities is not None:
@@ -214,7 +217,8 @@ class _Gatherer:
             case "ledger":
                 ledger = msgspec.json.decode(data, type=LedgerRecord)
                 facts.ledgers[node, ledger.epoch] = ledger
-                facts.covered_bytes[node] = facts.sent_bytes.get(node, 0)
+                sent = facts.transmitted.get(node)
+                facts.covered_bytes[node] = 0 if sent is None else sent.size_bytes
             case _:
                 pass
 
@@ -250,12 +254,24 @@ class _Gatherer:
     def _take_range(self, node: int, peer: int, message: ReadMessage) -> None:
         found = msgspec.json.decode(message.data, type=_RangeDocument)
         metrics = LinkMetrics(range_m=found.range_m, propagation_s=found.propagation_s)
-        measured = PeerMeasured(address=peer, measured_at=0, metrics=metrics)
         at_ns = round((found.measured_at_unix_s or message.utc_ns / 1e9) * 1e9)
         # The document is repeated for late subscribers.
         if self._ranges.get((node, peer)) != at_ns:
             self._ranges[node, peer] = at_ns
-            self._facts.measured.append((at_ns, node, measured))
+            _note_metrics(self._facts.on_peers, metrics, peer, node, at_ns)
+
+    def _take_frame(self, frame: FrameRecord, utc_ns: int) -> None:
+        facts, is_sent, airtime_s = self._facts, frame.direction == SENT, frame.airtime_s or 0.0
+        ends = frame.node, frame.source, frame.destination
+        facts.frames.append(Frame(utc_ns, is_sent, *ends, airtime_s, _digest(frame.frame)))
+        facts.frame_nodes.add(frame.node)
+        if is_sent:
+            sent = facts.transmitted.setdefault(frame.node, Transmitted())
+            sent.frames += 1
+            sent.size_bytes += frame.size_bytes
+            sent.airtime_s += airtime_s
+        elif frame.source:
+            _note_metrics(facts.on_frames, frame, frame.source, frame.node, utc_ns)
 
     def _named(self, frame: FrameRecord) -> Iterator[FrameRecord]:
         """Yield frames with their senders, even if the link does not report them."""
@@ -284,16 +300,15 @@ class _Gatherer:
             return
         found = self._table.find(record.key, record.source)
         if found is not None:
-            self._facts.arrived.append(
-                Arrived(
-                    at_ns=message.utc_ns,
-                    node=0,
-                    source=record.source,
-                    stream_id=found[0].stream_id,
-                    instance=found[1],
-                    age_s=record.age_s,
-                )
+            arrived = Arrived(
+                at_ns=message.utc_ns,
+                node=0,
+                source=record.source,
+                stream_id=found[0].stream_id,
+                instance=found[1],
+                age_s=record.age_s,
             )
+            self._arrive(arrived, b"")
 
     # A recorded engine
 
@@ -309,7 +324,8 @@ class _Gatherer:
             table = self._facts.tables[node] = part.life.table.table()
             self._know(table)
             self._offsets[node] = part.life.utc_offset_ns
-            self._facts.births.append((message.utc_ns, part.life))
+            if not self._facts.is_lean:
+                self._facts.births.append((message.utc_ns, part.life))
             self._facts.epochs[node] = self._facts.epochs.get(node, 0) + 1
             self._calls = {key: asked for key, asked in self._calls.items() if key[0] != node}
         elif part is not None:
@@ -330,24 +346,30 @@ class _Gatherer:
             stream_id = call.arguments["stream_id"]
             stream = self._facts.tables[node].get(stream_id)
             if stream is None or (isinstance(outcome, list) and outcome[0] == "raised"):
-                self._facts.refused[stream_id] = self._facts.refused.get(stream_id, 0) + 1
+                self._facts.counts_of(stream_id).refused += 1
             elif call.name == "publish":
                 self._publish(node, stream, call.arguments, at_ns)
             else:
                 asked = Asked(
+                    number=self._facts.requests,
                     at_ns=at_ns,
                     node=node,
                     stream_id=stream_id,
                     value=None if self._facts.is_lean else call.arguments.get("value"),
                     timeout_s=call.arguments.get("timeout_s"),
                 )
-                self._facts.asked.append(asked)
+                self._facts.requests += 1
+                self._facts.counts_of(stream_id).asked += 1
+                if not self._facts.is_lean:
+                    self._facts.asked.append(asked)
                 name = outcome if call.name == "call" else str(outcome[1])
                 self._calls[node, name] = asked
         elif call.name == "declare":
             self._redeclare(node, call)
         elif call.name == "handle_measurement":
             self._measure(node, call.arguments["measurement"])
+        elif self._facts.is_lean:
+            pass
         elif call.name in _COMMANDS and call.now is not None:
             said = {name: each for name, each in call.arguments.items() if name != "now"}
             at_ns = call.now + self._offsets[node]
@@ -358,7 +380,9 @@ class _Gatherer:
     def _measure(self, node: int, measurement: Measurement) -> None:
         if isinstance(measurement, PeerMeasured):
             at_ns = measurement.measured_at + self._offsets[node]
-            self._facts.measured.append((at_ns, node, measurement))
+            _note_metrics(
+                self._facts.on_peers, measurement.metrics, measurement.address, node, at_ns
+            )
 
     def _redeclare(self, node: int, call: Recorded) -> None:
         table = self._facts.tables[node]
@@ -370,25 +394,27 @@ class _Gatherer:
         self._know(table)
 
     def _publish(self, node: int, stream: Stream, arguments: dict[str, Any], at_ns: int) -> None:
-        instance = arguments.get("instance", ())
-        delete = bool(arguments.get("delete"))
-        value = arguments.get("value")
-        payload = b"" if delete else self._kept(_payload(stream, value))
+        facts, value = self._facts, arguments.get("value")
         published = Published(
             at_ns=at_ns,
             node=node,
             stream_id=stream.stream_id,
-            instance=instance,
-            payload=payload,
-            value=None if self._facts.is_lean else value,
-            delete=delete,
+            instance=arguments.get("instance", ()),
+            value=value,
+            delete=bool(arguments.get("delete")),
             encoding=arguments.get("encoding"),
         )
-        self._facts.published.append(published)
+        counts = facts.counts_of(stream.stream_id)
+        counts.published += 1
+        if not published.delete:
+            counts.samples[node] = counts.samples.get(node, 0) + 1
+            self._note_sample(published, node, _payload(stream, value))
+        if not facts.is_lean:
+            facts.published.append(published)
 
     def _take_event(self, node: int, kind: str, said: dict[str, Any], utc_ns: int) -> None:
         if kind == "SampleReceived" and not said["deleted"]:
-            self._arrive(node, said)
+            self._receive(node, said)
         elif kind in ("RequestReceived", "GoalReceived") and self._facts.is_lean:
             pass
         elif kind == "RequestReceived":
@@ -408,7 +434,7 @@ class _Gatherer:
         ):
             self._end(node, str(said["goal"]), said, utc_ns)
         elif kind == "DeliveryEnded":
-            counts = self._facts.outcomes.setdefault(said["stream_id"], {})
+            counts = self._facts.counts_of(said["stream_id"]).outcomes
             counts[said["outcome"]] = counts.get(said["outcome"], 0) + 1
 
     def _end(self, node: int, name: object, said: dict[str, Any], utc_ns: int) -> None:
@@ -418,31 +444,44 @@ class _Gatherer:
             asked.ended_at_ns = utc_ns
             asked.answer = None if self._facts.is_lean else said.get("value")
             asked.failure = "" if failure is None else str(failure)
+            if asked.failure:
+                self._facts.counts_of(asked.stream_id).failed += 1
+            else:
+                answer = Delivery(asked.number, utc_ns, 0, asked.stream_id, asked.at_ns, node)
+                self._facts.answers.append(answer)
 
-    def _kept(self, payload: bytes) -> bytes:
-        """Return what is kept of a payload, to find its arrival."""
-        if not self._facts.is_lean or len(payload) <= _DIGEST_BYTES:
-            return payload
-        return hashlib.blake2b(payload, digest_size=_DIGEST_BYTES).digest()
-
-    def _arrive(self, node: int, said: dict[str, Any]) -> None:
+    def _receive(self, node: int, said: dict[str, Any]) -> None:
         stream = self._facts.tables[node].get(said["stream_id"])
         if stream is None:
             return
-        at_ns = said["received_at"] + self._offsets[node]
-        instance = tuple(said["instance"])
-        payload = self._kept(_payload(stream, said["value"]))
         arrived = Arrived(
-            at_ns=at_ns,
+            at_ns=said["received_at"] + self._offsets[node],
             node=node,
             source=said["source"],
             stream_id=stream.stream_id,
-            instance=instance,
-            payload=payload,
-            value=None if self._facts.is_lean else said["value"],
+            instance=tuple(said["instance"]),
+            value=said["value"],
             age_s=said["age_s"],
         )
-        self._facts.arrived.append(arrived)
+        self._arrive(arrived, _payload(stream, said["value"]))
+
+    def _arrive(self, arrived: Arrived, payload: bytes) -> None:
+        facts = self._facts
+        counts = facts.counts_of(arrived.stream_id)
+        counts.arrived += 1
+        counts.receivers.add(arrived.node)
+        facts.sources.add(arrived.source)
+        if arrived.age_s is not None:
+            facts.ages.append(Number(arrived.stream_id, 0, 0, arrived.age_s, arrived.at_ns))
+        self._note_sample(arrived, arrived.source, payload)
+        if not facts.is_lean:
+            facts.arrived.append(arrived)
+
+    def _note_sample(self, event: Published | Arrived, source: int, payload: bytes) -> None:
+        samples, is_arrival = self._facts.samples, isinstance(event, Arrived)
+        equal = _place(event.stream_id, source, event.instance), _digest(payload)
+        whose = event.stream_id, source, event.node
+        samples.append(Sample(*equal, event.at_ns, is_arrival, len(samples), *whose))
 
 
 class _RangeDocument(msgspec.Struct):
@@ -520,6 +559,24 @@ def _added(whole: _LedgerDocument, told: _LedgerDocument, last: _LedgerDocument)
         whole.airtime_s + told.airtime_s - last.airtime_s,
         [each for each in rows.values() if each.bytes],
     )
+
+
+@functools.lru_cache(maxsize=4096)
+def _place(stream_id: int, source: int, instance: Instance) -> bytes:
+    return _digest(msgspec.msgpack.encode((stream_id, source, instance)))
+
+
+def _digest(content: bytes) -> bytes:
+    return hashlib.blake2b(content, digest_size=_DIGEST_BYTES).digest()
+
+
+def _note_metrics(
+    rows: Rows[Number], metrics: LinkMetrics | FrameRecord, source: int, node: int, at_ns: int
+) -> None:
+    for metric, name in enumerate(METRICS):
+        number = getattr(metrics, name, None)
+        if number is not None:
+            rows.append(Number(metric, source, node, number, at_ns))
 
 
 def _payload(stream: Stream, value: Any) -> bytes:  # noqa: ANN401 (as the application has it)

@@ -5,20 +5,27 @@ Guarantees: the bytes of a node are those of its frames, and its ledger equals t
 nodes if they differ.
 """
 
-from collections.abc import Mapping
+import itertools
+from collections import Counter
 from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.facts.facts import Facts, Handled, Published, match
-from zacoustic.app.tools.inspect.recordings.facts.framecolumns import FrameColumns
+from zacoustic.app.tools.inspect.recordings.facts.facts import (
+    Counts,
+    Facts,
+    Handled,
+    Number,
+    Transmitted,
+)
+from zacoustic.app.tools.inspect.recordings.facts.matching import match
+from zacoustic.app.tools.inspect.recordings.facts.rows import Rows
 from zacoustic.app.tools.inspect.recordings.report.linkfigures import LinkFigures, links_of
-from zacoustic.app.tools.inspect.recordings.report.spread import Spread, spread_of
+from zacoustic.app.tools.inspect.recordings.report.spread import Spread, spreads_of
 from zacoustic.app.tools.inspect.recordings.report.thinning import left_out
 from zacoustic.core.base.stats import NO_STREAM
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.run.recording.channels import SENT
 from zacoustic.run.recording.version import program
 
 _NAMED: Final = 5
@@ -116,8 +123,7 @@ class Figures(msgspec.Struct, kw_only=True):
 def figures_of(facts: Facts) -> Figures:
     """Compute the figures."""
     match(facts)
-    sent = _sent(facts)
-    nodes = [_node(facts, node, sent) for node in facts.nodes]
+    nodes = [_node(facts, node) for node in facts.nodes]
     figures = Figures(
         files=facts.files,
         began_utc_ns=facts.began_ns,
@@ -134,47 +140,36 @@ def figures_of(facts: Facts) -> Figures:
 
 
 def _streams(facts: Facts) -> list[StreamFigures]:
-    found = {
-        stream_id: StreamFigures(stream_id=stream_id, name=stream.name, kind=_kind(stream))
-        for stream_id, stream in sorted(facts.streams.items())
-    }
-    latencies: dict[int, list[float]] = {}
-    ages: dict[int, list[float]] = {}
-    for published in facts.published:
-        figures = found[published.stream_id]
-        figures.published += 1
-        if published.delete:
-            continue
-        figures.expected += len(_hearers(facts, published))
-        figures.delivered += len(published.arrived)
-        latencies.setdefault(published.stream_id, []).extend(
-            (at_ns - published.at_ns) / 1e9 for at_ns in published.arrived.values()
+    latencies: Rows[Number] = Rows(Number)
+    for each in itertools.chain(facts.deliveries, facts.answers):
+        took_s = (each.at_ns - each.begun_ns) / 1e9
+        latencies.append(Number(each.stream_id, 0, 0, took_s, each.at_ns))
+    latencies_s, ages_s = spreads_of(latencies), spreads_of(facts.ages)
+    left = Counter(left_out(facts))
+    found: dict[int, StreamFigures] = {}
+    for stream_id, stream in sorted(facts.streams.items()):
+        counts = facts.counts.get(stream_id, Counts())
+        thinned = {node: left[node, stream_id] for node in counts.samples}
+        expected = sum(
+            (number - thinned[node]) * _hearers(facts, stream, node)
+            for node, number in counts.samples.items()
         )
-    for published in left_out(facts):
-        figures = found[published.stream_id]
-        figures.thinned += 1
-        figures.expected -= len(_hearers(facts, published))
-    for arrived in facts.arrived:
-        if arrived.stream_id in found:
-            found[arrived.stream_id].arrived += 1
-            if arrived.age_s is not None:
-                ages.setdefault(arrived.stream_id, []).append(arrived.age_s)
-    for asked in facts.asked:
-        figures = found[asked.stream_id]
-        figures.published += 1
-        figures.expected += 1
-        if asked.failure:
-            figures.failed += 1
-        elif asked.ended_at_ns is not None:
-            figures.delivered += 1
-            latencies.setdefault(asked.stream_id, []).append(
-                (asked.ended_at_ns - asked.at_ns) / 1e9
-            )
-    for stream_id, figures in found.items():
-        figures.latency_s = spread_of(latencies.get(stream_id, []))
-        figures.age_s = spread_of(ages.get(stream_id, []))
-        figures.refused = facts.refused.get(stream_id, 0)
-        figures.outcomes = facts.outcomes.get(stream_id, {})
+        latency_s = latencies_s.get((stream_id, 0, 0))
+        found[stream_id] = StreamFigures(
+            stream_id=stream_id,
+            name=stream.name,
+            kind=_kind(stream),
+            published=counts.published + counts.asked,
+            expected=expected + counts.asked,
+            thinned=sum(thinned.values()),
+            delivered=0 if latency_s is None else latency_s.count,
+            arrived=counts.arrived,
+            failed=counts.failed,
+            refused=counts.refused,
+            latency_s=latency_s,
+            age_s=ages_s.get((stream_id, 0, 0)),
+            outcomes=counts.outcomes,
+        )
     for _, ledger in sorted(facts.ledgers.items()):
         per_byte_s = ledger.airtime_s / ledger.bytes if ledger.bytes else 0.0
         for row in ledger.rows:
@@ -187,10 +182,9 @@ def _streams(facts: Facts) -> list[StreamFigures]:
     return list(found.values())
 
 
-def _hearers(facts: Facts, published: Published) -> list[int]:
-    """Return the recorded nodes at which a sample should arrive."""
-    stream = facts.streams[published.stream_id]
-    return [node for node in facts.tables if node != published.node and stream.may_subscribe(node)]
+def _hearers(facts: Facts, stream: Stream, publisher: int) -> int:
+    """Return the number of recorded nodes at which a sample should arrive."""
+    return sum(node != publisher and stream.may_subscribe(node) for node in facts.tables)
 
 
 def _kind(stream: Stream) -> str:
@@ -199,26 +193,16 @@ def _kind(stream: Stream) -> str:
     return "action" if isinstance(stream.spec, ActionSpec) else "topic"
 
 
-def _sent(facts: Facts) -> dict[int, tuple[int, int, float]]:
-    """Return number, bytes and airtime, s, of each node's frames."""
-    if isinstance(facts.frames, FrameColumns):
-        return facts.frames.sent()
-    found: dict[int, tuple[int, int, float]] = {}
-    for _, frame in facts.frames:
-        if frame.direction == SENT:
-            frames, size_bytes, airtime_s = found.get(frame.node, (0, 0, 0.0))
-            found[frame.node] = (
-                frames + 1,
-                size_bytes + frame.size_bytes,
-                airtime_s + (frame.airtime_s or 0.0),
-            )
-    return found
-
-
-def _node(facts: Facts, node: int, sent: Mapping[int, tuple[int, int, float]]) -> NodeFigures:
-    found = NodeFigures(node=node, epochs=facts.epochs.get(node, 0))
-    found.frames, found.frame_bytes, found.airtime_s = sent.get(node, (0, 0, 0.0))
-    found.outcomes = dict(facts.report_counts.get(node, {}))
+def _node(facts: Facts, node: int) -> NodeFigures:
+    sent = facts.transmitted.get(node, Transmitted())
+    found = NodeFigures(
+        node=node,
+        epochs=facts.epochs.get(node, 0),
+        frames=sent.frames,
+        frame_bytes=sent.size_bytes,
+        airtime_s=sent.airtime_s,
+        outcomes=dict(facts.report_counts.get(node, {})),
+    )
     for (whose, _), ledger in facts.ledgers.items():
         if whose == node:
             rows = sum(row.transmitted_bytes for row in ledger.rows)
@@ -244,9 +228,7 @@ def _notes(facts: Facts, nodes: list[NodeFigures]) -> list[str]:
     notes += facts.faults
     if facts.unread:
         notes.append(f"calls of engines that this version cannot read, left out: {facts.unread}")
-    others = sorted(
-        {arrived.source for arrived in facts.arrived if arrived.source not in facts.tables} - {0}
-    )
+    others = sorted(facts.sources - facts.tables.keys() - {0})
     if others and facts.tables:
         names = ", ".join(str(node) for node in others)
         notes.append(

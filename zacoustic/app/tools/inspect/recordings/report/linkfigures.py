@@ -5,26 +5,17 @@ the boat, and a recording that ends early, lose nothing.
 """
 
 import bisect
+import itertools
+import struct
 from collections.abc import Iterator
 from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
-from zacoustic.app.tools.inspect.recordings.facts.framecolumns import FrameColumns
-from zacoustic.app.tools.inspect.recordings.report.spread import Spread, spread_of
+from zacoustic.app.tools.inspect.recordings.facts.facts import METRICS, Facts, Frame
+from zacoustic.app.tools.inspect.recordings.facts.rows import Row, in_order
+from zacoustic.app.tools.inspect.recordings.report.spread import Spread, spreads_of
 from zacoustic.core.base.linktypes import BROADCAST
-from zacoustic.run.recording.channels import SENT
-
-METRICS: Final = (
-    "snr_db",
-    "received_level_db",
-    "integrity",
-    "propagation_s",
-    "range_m",
-    "range_rate_m_s",
-)
-"""Quantities that a modem may measure, as in `LinkMetrics`, in the order of the table."""
 
 _CLOCKS_NS: Final = 1_000_000_000
 """By how much the clocks of two recordings may differ, ns."""
@@ -63,19 +54,13 @@ def links_of(facts: Facts) -> list[LinkFigures]:
     heard: dict[Pair, int] = {}
     sent: dict[Pair, int] = {}
     recorded = facts.nodes
-    for utc_ns, frame in facts.frames:
-        if frame.direction == SENT:
-            over_ns = utc_ns + round((frame.airtime_s or 0.0) * 1e9)
-            for node in recorded:
-                is_for = node != frame.node and frame.destination in (node, BROADCAST)
-                if is_for and facts.is_recorded(node, over_ns):
-                    sent[frame.node, node] = sent.get((frame.node, node), 0) + 1
+    for frame in facts.frames:
+        if frame.is_sent:
+            for pair in _expected(facts, recorded, frame):
+                sent[pair] = sent.get(pair, 0) + 1
         elif frame.destination in (frame.node, BROADCAST):
             heard[frame.source, frame.node] = heard.get((frame.source, frame.node), 0) + 1
-    measured: dict[tuple[Pair, str], list[float]] = {}
-    for name in METRICS:
-        for _, pair, number in numbers_of(facts, name):
-            measured.setdefault((pair, name), []).append(number)
+    spreads = spreads_of(facts.on_frames, facts.on_peers)
     found = []
     for source, node in sorted({*heard, *sent}):
         if source == 0:
@@ -85,13 +70,35 @@ def links_of(facts: Facts) -> list[LinkFigures]:
             figures.sent = sent.get((source, node), 0)
             if figures.sent:
                 figures.loss = max(0.0, 1 - figures.heard / figures.sent)
-        for name in METRICS:
-            setattr(figures, name, spread_of(measured.get(((source, node), name), [])))
+        for metric, name in enumerate(METRICS):
+            setattr(figures, name, spreads.get((metric, source, node)))
         found.append(figures)
     return found
 
 
+def _expected(facts: Facts, nodes: list[int], frame: Frame) -> Iterator[Pair]:
+    """Yield the sender of a frame with each node that was recorded when it should arrive."""
+    over_ns = frame.at_ns + round(frame.airtime_s * 1e9)
+    for node in nodes:
+        is_for = node != frame.node and frame.destination in (node, BROADCAST)
+        if is_for and facts.is_recorded(node, over_ns):
+            yield frame.node, node
+
+
 Shares = list[tuple[int, float]]
+
+
+class _Equal(Row, frozen=True):
+    """A frame among equal ones of a link: first those sent, by time, then those that arrived."""
+
+    layout = struct.Struct("<BB12s?qq")
+    source: int
+    node: int
+    content: bytes
+    is_arrival: bool
+    order: int
+    """UTC, ns, of a sent frame; of one that arrived its number among all frames."""
+    at_ns: int
 
 
 def losses_over_time(facts: Facts, bins: int) -> dict[Pair, Shares]:
@@ -108,7 +115,6 @@ def losses_over_time(facts: Facts, bins: int) -> dict[Pair, Shares]:
         For each sender and receiver the parts in which frames were sent: index and share, 0…1.
     """
     width_ns = max(1, (facts.ended_ns - facts.began_ns) // bins)
-    sent: dict[tuple[Pair, bytes], list[int]] = {}
     counts: dict[Pair, list[int]] = {}
     got: dict[Pair, list[int]] = {}
     heard: set[Pair] = set()
@@ -116,29 +122,34 @@ def losses_over_time(facts: Facts, bins: int) -> dict[Pair, Shares]:
     def part(utc_ns: int) -> int:
         return min(bins - 1, max(0, utc_ns - facts.began_ns) // width_ns)
 
-    nodes = facts.nodes
-    for utc_ns, frame in facts.frames:
-        if frame.direction != SENT:
-            continue
-        over_ns = utc_ns + round((frame.airtime_s or 0.0) * 1e9)
-        for node in nodes:
-            is_for = node != frame.node and frame.destination in (node, BROADCAST)
-            if is_for and facts.is_recorded(node, over_ns):
-                pair = frame.node, node
-                sent.setdefault((pair, frame.frame), []).append(utc_ns)
-                counts.setdefault(pair, [0] * bins)[part(utc_ns)] += 1
-    for each in sent.values():
-        each.sort()
-    for utc_ns, frame in facts.frames:
-        pair = frame.source, frame.node
-        if frame.direction == SENT or pair not in counts:
-            continue
-        heard.add(pair)  # on a byte stream it is in other pieces than what was sent
-        # Of equal frames the newest that can have been this one; clocks may differ.
-        known = sent.get((pair, frame.frame), [])
-        place = bisect.bisect_right(known, utc_ns + _CLOCKS_NS)
-        if place:
-            got.setdefault(pair, [0] * bins)[part(known.pop(place - 1))] += 1
+    def sent() -> Iterator[_Equal]:
+        nodes = facts.nodes
+        for frame in facts.frames:
+            for pair in _expected(facts, nodes, frame) if frame.is_sent else ():
+                counts.setdefault(pair, [0] * bins)[part(frame.at_ns)] += 1
+                yield _Equal(*pair, frame.content, False, frame.at_ns, frame.at_ns)
+
+    def arrived() -> Iterator[_Equal]:
+        for number, frame in enumerate(facts.frames):
+            pair = frame.source, frame.node
+            if not frame.is_sent and pair in counts:
+                heard.add(pair)  # on a byte stream it is in other pieces than what was sent
+                yield _Equal(*pair, frame.content, True, number, frame.at_ns)
+
+    equal = itertools.groupby(
+        in_order(_Equal, itertools.chain(sent(), arrived())),
+        lambda each: (each.source, each.node, each.content),
+    )
+    for (source, node, _), frames in equal:
+        known: list[int] = []
+        for frame in frames:
+            if not frame.is_arrival:
+                known.append(frame.at_ns)
+                continue
+            # Of equal frames the newest that can have been this one; clocks may differ.
+            place = bisect.bisect_right(known, frame.at_ns + _CLOCKS_NS)
+            if place:
+                got.setdefault((source, node), [0] * bins)[part(known.pop(place - 1))] += 1
     nothing = [0] * bins
     return {
         pair: [
@@ -158,14 +169,7 @@ def numbers_of(facts: Facts, name: str) -> Iterator[tuple[int, Pair, float]]:
         facts: The events.
         name: One of `METRICS`.
     """
-    if isinstance(facts.frames, FrameColumns):
-        yield from facts.frames.measured(name)
-    else:
-        for utc_ns, frame in facts.frames:
-            number = getattr(frame, name, None)
-            if frame.direction != SENT and frame.source and number is not None:
-                yield utc_ns, (frame.source, frame.node), number
-    for utc_ns, node, measured in facts.measured:
-        number = getattr(measured.metrics, name)
-        if number is not None:
-            yield utc_ns, (measured.address, node), number
+    metric = METRICS.index(name)
+    for each in itertools.chain(facts.on_frames, facts.on_peers):
+        if each.what == metric:
+            yield each.at_ns, (each.source, each.node), each.number

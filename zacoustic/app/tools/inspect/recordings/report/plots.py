@@ -1,13 +1,15 @@
 """The plots of a report, as SVG inside a page. Needs the extra `report`."""
 
-from collections.abc import Callable, Sequence
+import itertools
+from collections import Counter
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Final
 
-from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
+from zacoustic.app.tools.inspect.recordings.facts.facts import Delivery, Facts
+from zacoustic.app.tools.inspect.recordings.facts.rows import in_order
 from zacoustic.app.tools.inspect.recordings.report.figures import Figures
 from zacoustic.app.tools.inspect.recordings.report.linkfigures import losses_over_time, numbers_of
 from zacoustic.app.tools.pages.plots import Plot, draw, label, need_matplotlib
-from zacoustic.run.recording.channels import SENT
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -56,17 +58,13 @@ def _delivery(axes: "Axes", figures: Figures) -> bool:
 
 
 def _latency(axes: "Axes", facts: Facts) -> bool:
-    rows: dict[str, list[Point]] = {}
-    for published in facts.published:
-        for at_ns in published.arrived.values():
-            point = (_since(facts, at_ns), (at_ns - published.at_ns) / 1e9)
-            rows.setdefault(label(facts.streams[published.stream_id].name), []).append(point)
-    for asked in facts.asked:
-        if asked.ended_at_ns is not None and not asked.failure:
-            took_s = (asked.ended_at_ns - asked.at_ns) / 1e9
-            point = (_since(facts, asked.ended_at_ns), took_s)
-            rows.setdefault(label(facts.streams[asked.stream_id].name), []).append(point)
-    return _scatter(axes, rows)
+    names = {stream_id: label(stream.name) for stream_id, stream in facts.streams.items()}
+    ended = (in_order(Delivery, rows) for rows in (facts.deliveries, facts.answers))
+    points = (
+        (names[each.stream_id], (_since(facts, each.at_ns), (each.at_ns - each.begun_ns) / 1e9))
+        for each in itertools.chain.from_iterable(ended)
+    )
+    return _scatter(axes, points, len(facts.deliveries) + len(facts.answers))
 
 
 def _airtime(axes: "Axes", figures: Figures) -> bool:
@@ -87,10 +85,10 @@ def _utilisation(axes: "Axes", facts: Facts) -> bool:
     bottoms = [0.0] * _BINS
     edges = [width_s * (index + 0.5) for index in range(_BINS)]
     rows = {node: [0.0] * _BINS for node in facts.nodes}
-    for utc_ns, frame in facts.frames:
-        if frame.direction == SENT:
-            index = min(_BINS - 1, int(_since(facts, utc_ns) / width_s))
-            rows[frame.node][index] += (frame.airtime_s or 0.0) / width_s
+    for frame in facts.frames:
+        if frame.is_sent:
+            index = min(_BINS - 1, int(_since(facts, frame.at_ns) / width_s))
+            rows[frame.node][index] += frame.airtime_s / width_s
     for node, shares in rows.items():
         axes.bar(edges, shares, width=width_s, bottom=bottoms, label=f"node {node}")
         bottoms = [below + share for below, share in zip(bottoms, shares, strict=True)]
@@ -100,10 +98,11 @@ def _utilisation(axes: "Axes", facts: Facts) -> bool:
 
 
 def _metric(axes: "Axes", facts: Facts, name: str) -> bool:
-    rows: dict[str, list[Point]] = {}
-    for utc_ns, (source, node), number in numbers_of(facts, name):
-        rows.setdefault(f"{source} to {node}", []).append((_since(facts, utc_ns), number))
-    return _scatter(axes, rows)
+    points = (
+        (f"{source} to {node}", (_since(facts, utc_ns), number))
+        for utc_ns, (source, node), number in numbers_of(facts, name)
+    )
+    return _scatter(axes, points, sum(1 for _ in numbers_of(facts, name)))
 
 
 def _loss(axes: "Axes", facts: Facts) -> bool:
@@ -137,11 +136,22 @@ def _causes(axes: "Axes", figures: Figures) -> bool:
     return True
 
 
-def _scatter(axes: "Axes", rows: dict[str, list[Point]]) -> bool:
-    whole = sum(len(points) for points in rows.values())
+def _scatter(axes: "Axes", points: Iterable[tuple[str, Point]], whole: int) -> bool:
+    """Draw points of named rows, at regular intervals if there are too many.
+
+    Args:
+        axes: The plot.
+        points: Row and point.
+        whole: Their number.
+    """
     step = max(1, -(-whole // _MOST_POINTS))
-    for name, points in sorted(rows.items()):
-        shown: Sequence[Point] = points[::step]
+    rows: dict[str, list[Point]] = {}
+    seen: Counter[str] = Counter()
+    for name, point in points:
+        if seen[name] % step == 0:
+            rows.setdefault(name, []).append(point)
+        seen[name] += 1
+    for name, shown in sorted(rows.items()):
         axes.scatter([x for x, _ in shown], [y for _, y in shown], s=6, label=name)
     _time_axis(axes)
     if rows and len(rows) <= _MOST_ROWS:

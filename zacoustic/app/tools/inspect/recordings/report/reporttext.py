@@ -4,8 +4,8 @@ from datetime import UTC, datetime
 from typing import Final
 
 from zacoustic.app.tools.columns import align
+from zacoustic.app.tools.inspect.recordings.facts.facts import METRICS
 from zacoustic.app.tools.inspect.recordings.report.figures import Figures
-from zacoustic.app.tools.inspect.recordings.report.linkfigures import METRICS
 from zacoustic.app.tools.inspect.recordings.report.spread import Spread
 from zacoustic.app.tools.pages.document import Sheet
 from zacoustic.core.base.clock import NS_PER_S

@@ -1,6 +1,13 @@
 """The distribution of numbers in a few figures, for a table."""
 
+import itertools
+from collections import Counter
+from collections.abc import Iterable, Iterator
+
 import msgspec
+
+from zacoustic.app.tools.inspect.recordings.facts.facts import Number
+from zacoustic.app.tools.inspect.recordings.facts.rows import Rows, in_order
 
 
 class Spread(msgspec.Struct, frozen=True, kw_only=True):
@@ -22,15 +29,32 @@ class Spread(msgspec.Struct, frozen=True, kw_only=True):
 
 def spread_of(numbers: list[float]) -> Spread | None:
     """Return the distribution of numbers; None: there are none."""
-    if not numbers:
-        return None
-    ordered = sorted(numbers)
-    last = len(ordered) - 1
-    return Spread(
-        count=len(ordered),
-        mean=sum(ordered) / len(ordered),
-        p50=ordered[min(last, len(ordered) * 50 // 100)],
-        p95=ordered[min(last, len(ordered) * 95 // 100)],
-        least=ordered[0],
-        greatest=ordered[-1],
-    )
+    return _spread(sorted(numbers), len(numbers)) if numbers else None
+
+
+def spreads_of(*rows: Rows[Number]) -> dict[tuple[int, int, int], Spread]:
+    """Return the distribution of each quantity in rows: `what`, `source`, `node`."""
+    counts = Counter(map(_owner, itertools.chain.from_iterable(rows)))
+    ordered = in_order(Number, itertools.chain.from_iterable(rows))
+    groups = itertools.groupby(ordered, _owner)
+    return {key: _spread((row.number for row in each), counts[key]) for key, each in groups}
+
+
+def _owner(row: Number) -> tuple[int, int, int]:
+    return row.what, row.source, row.node
+
+
+def _spread(ordered: Iterable[float], count: int) -> Spread:
+    last = count - 1
+    places = (min(last, count * 50 // 100), min(last, count * 95 // 100), 0, last)
+    found: dict[int, float] = {}
+
+    def noted() -> Iterator[float]:
+        for place, number in enumerate(ordered):
+            if place in places:
+                found[place] = number
+            yield number
+
+    mean = sum(noted()) / count
+    p50, p95, least, greatest = (found[place] for place in places)
+    return Spread(count=count, mean=mean, p50=p50, p95=p95, least=least, greatest=greatest)

@@ -6,75 +6,114 @@ Neither are those that still wait when the recording of their publisher ends. Wh
 from the times of publication and from the arrivals.
 """
 
-import bisect
 import itertools
+import struct
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Final
 
-from zacoustic.app.tools.inspect.recordings.facts.facts import Facts, Published
+from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
+from zacoustic.app.tools.inspect.recordings.facts.rows import Row, in_order
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.streams.specs import TopicSpec
 
 # Publishers that keep the interval themselves are early by the jitter of their timers.
 _SLACK: Final = 0.02
 
+_NEVER: Final = -1 << 63
 
-def left_out(facts: Facts) -> list[Published]:
-    """Return the samples that were replaced, or still waited at the end.
+
+class _Sample(Row, frozen=True):
+    """A published sample of a thinned topic, or its arrival; those of a key together, by time."""
+
+    layout = struct.Struct("<12sBIqQq")
+    place: bytes
+    node: int
+    stream_id: int
+    at_ns: int
+    number: int
+    arrived_ns: int
+    """UTC, ns; `_NEVER` in the row of the publication, which is before its arrivals."""
+
+
+def left_out(facts: Facts) -> Iterator[tuple[int, int]]:
+    """Yield publisher and stream of the samples that were replaced, or still waited at the end.
 
     Args:
         facts: The events, already matched, so that arrivals are known.
     """
-    keys: dict[tuple[int, int, object], list[Published]] = {}
-    for published in facts.published:
-        stream = facts.streams[published.stream_id]
-        spec = stream.spec
-        is_thinned = isinstance(spec, TopicSpec) and stream.qos.min_interval_s > 0
-        if is_thinned and not published.delete:
-            key = (published.node, published.stream_id, published.instance)
-            keys.setdefault(key, []).append(published)
-    found: list[Published] = []
-    for (node, stream_id, _), samples in keys.items():
+    thinned = {
+        stream_id
+        for stream_id, stream in facts.streams.items()
+        if isinstance(stream.spec, TopicSpec) and stream.qos.min_interval_s > 0
+    }
+    published = (
+        _Sample(each.place, each.node, each.stream_id, each.at_ns, each.number, _NEVER)
+        for each in facts.samples
+        if each.stream_id in thinned and not each.is_arrival
+    )
+    arrived = (
+        _Sample(each.place, each.source, each.stream_id, each.begun_ns, each.number, each.at_ns)
+        for each in facts.deliveries
+        if each.stream_id in thinned
+    )
+    ordered = in_order(_Sample, itertools.chain(published, arrived) if thinned else ())
+    of_keys = itertools.groupby(ordered, lambda each: (each.place, each.node, each.stream_id))
+    for (_, node, stream_id), samples in of_keys:
         qos = facts.streams[stream_id].qos
         interval_ns = round(qos.min_interval_s * (1 - _SLACK) * NS_PER_S)
         _, ends_ns = facts.spans_ns.get(node, (0, facts.ended_ns))
         slack_ns = round(qos.min_interval_s * _SLACK * NS_PER_S)
-        found += _of_key(samples, interval_ns, qos.depth, ends_ns - slack_ns)
-    return found
+        for _ in _of_key(_once_each(samples), interval_ns, qos.depth, ends_ns - slack_ns):
+            yield node, stream_id
+
+
+def _once_each(rows: Iterable[_Sample]) -> Iterator[_Sample]:
+    """Yield each sample once, with its first arrival."""
+    for _, told in itertools.groupby(rows, lambda each: each.number):
+        published, *arrivals = told
+        yield arrivals[0] if arrivals else published
 
 
 def _of_key(
-    samples: Iterable[Published], interval_ns: int, depth: int, ends_ns: int
-) -> Iterator[Published]:
+    samples: Iterable[_Sample], interval_ns: int, depth: int, ends_ns: int
+) -> Iterator[_Sample]:
     """Yield those of one key; what is due at `ends_ns` or later is not sent any more."""
-    waiting: deque[Published] = deque()
+    waiting: deque[_Sample] = deque()
     next_ns = 0
-    ordered = sorted(samples, key=lambda each: each.at_ns)
-    arrived = [each for each in ordered if each.arrived]
+    ordered, ahead = itertools.tee(samples)
+    soon: deque[_Sample] = deque()
+
+    def is_overtaken(sample: _Sample, until_ns: int) -> bool:
+        """Tell whether a newer one arrived so soon that this one cannot have been sent before."""
+        while not soon or soon[-1].at_ns < until_ns:
+            if (following := next(ahead, None)) is None:
+                break
+            soon.append(following)
+        while soon and soon[0].at_ns <= sample.at_ns:
+            soon.popleft()
+        return any(_NEVER < each.arrived_ns < until_ns for each in soon)
+
     for sample in ordered:
         while waiting and (sent_ns := max(next_ns, waiting[0].at_ns)) <= sample.at_ns:
             first = waiting.popleft()
-            if sent_ns >= ends_ns and not first.arrived:
+            if sent_ns >= ends_ns and not _has_arrived(first):
                 yield first
-            elif first.arrived or not _is_overtaken(first, sent_ns + interval_ns, arrived):
+            elif not is_overtaken(first, sent_ns + interval_ns) or _has_arrived(first):
                 next_ns = sent_ns + interval_ns
             else:  # the channel was busy when it was due, and a newer one replaced it
                 yield first
         waiting.append(sample)
         if len(waiting) > depth:
             oldest = waiting.popleft()
-            if not oldest.arrived:
+            if not _has_arrived(oldest):
                 yield oldest
     for sample in waiting:
         sent_ns = max(next_ns, sample.at_ns)
         next_ns = sent_ns + interval_ns
-        if sent_ns >= ends_ns and not sample.arrived:
+        if sent_ns >= ends_ns and not _has_arrived(sample):
             yield sample
 
 
-def _is_overtaken(sample: Published, until_ns: int, arrived: Sequence[Published]) -> bool:
-    """Tell whether a newer sample arrived so soon that this one cannot have been sent before."""
-    place = bisect.bisect_right(arrived, sample.at_ns, key=lambda each: each.at_ns)
-    soon = itertools.takewhile(lambda each: each.at_ns < until_ns, arrived[place:])
-    return any(min(each.arrived.values()) < until_ns for each in soon)
+def _has_arrived(sample: _Sample) -> bool:
+    return sample.arrived_ns != _NEVER

@@ -9,14 +9,13 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.inspect.recordings.facts.facts import Facts
+from zacoustic.app.tools.inspect.recordings.facts.facts import Facts, Frame
 from zacoustic.app.tools.inspect.recordings.report.linkfigures import numbers_of
 from zacoustic.app.tools.inspect.recordings.report.spread import spread_of
 from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.profiles import PROFILES, ModemProfile
 from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario
 from zacoustic.core.base.linktypes import BROADCAST, LinkCapabilities
-from zacoustic.run.recording.channels import SENT, FrameRecord
 from zacoustic.testing.virtual import Modem
 
 _SOUND_M_S: Final = 1500.0
@@ -45,7 +44,7 @@ class MeasuredChannel(msgspec.Struct, frozen=True, kw_only=True):
 def measure_channel(facts: Facts, *, seed: int) -> MeasuredChannel:
     """Measure the channel of a recording."""
     notes: list[str] = []
-    nodes = sorted({*facts.tables, *(each.source for each in facts.arrived)} - {0})
+    nodes = sorted({*facts.tables, *facts.sources} - {0})
     delays = _delays(facts, nodes, notes)
     losses = _losses(facts, delays)
     capabilities = next(iter(facts.capabilities.values()), None)
@@ -131,15 +130,15 @@ def _places(nodes: list[int], delays: dict[Pair, float]) -> list[tuple[float, fl
 
 def _losses(facts: Facts, delays: dict[Pair, float]) -> dict[Pair, float]:
     sounds = [
-        (utc_ns, utc_ns + round((frame.airtime_s or 0.0) * 1e9), frame)
-        for utc_ns, frame in facts.frames
-        if frame.direction == SENT
+        (frame.at_ns, frame.at_ns + round(frame.airtime_s * 1e9), frame)
+        for frame in facts.frames
+        if frame.is_sent
     ]
     sounds.sort(key=lambda each: each[0])
     heard: dict[tuple[int, int, bytes], list[int]] = {}
-    for utc_ns, frame in facts.frames:
-        if frame.direction != SENT:
-            heard.setdefault((frame.source, frame.node, frame.frame), []).append(utc_ns)
+    for frame in facts.frames:
+        if not frame.is_sent:
+            heard.setdefault((frame.source, frame.node, frame.content), []).append(frame.at_ns)
     found: dict[Pair, float] = {}
     for node in facts.tables:
         arrivals = [
@@ -153,7 +152,7 @@ def _losses(facts: Facts, delays: dict[Pair, float]) -> dict[Pair, float]:
     return found
 
 
-Sound = tuple[int, int, FrameRecord]
+Sound = tuple[int, int, Frame]
 
 
 def _arrivals(sounds: list[Sound], node: int, delays: dict[Pair, float]) -> list[Sound]:
@@ -177,7 +176,7 @@ def _count(
         ended_before = max(ended_before, ended)
         if frame.node != source or frame.destination not in (node, BROADCAST):
             continue
-        came = _take(heard.get((source, node, frame.frame), []), ended)
+        came = _take(heard.get((source, node, frame.content), []), ended)
         if is_alone:
             sent += 1
             lost += not came
