@@ -36,7 +36,7 @@ help:
 	@echo "make soak    the tests of which make test runs a share, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
 	@echo "make compiled  a wheel whose engine and medium are compiled: the same bytes, faster (ten minutes)"
-	@echo "make shape   rings, upward imports, code lines by room: the structure in numbers"
+	@echo "make shape   rings, upward imports, code lines by room, the way of a frame: in numbers"
 	@echo "make frictions  what annoyed people at first use, each tried as they did"
 	@echo "make release what an index gets, into dist/; refused while the commit is not ready for it"
 	@echo "make sbom    what a vessel installs, as a bill of materials: dist/zacoustic.cdx.json"
@@ -84,6 +84,7 @@ frictions: venv-test
 
 shape: venv-test
 	@$(VENV_PYTHON) .ci/shape.py
+	@$(VENV_PYTHON) .ci/walk.py
 
 release: venv-test
 	@$(AT_WORK) $(VENV_PYTHON) .ci/release.py
