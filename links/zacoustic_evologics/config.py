@@ -3,8 +3,7 @@
 from typing import Final, Literal
 
 from zacoustic.link import LinkConfig
-from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
-from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
+from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES, IM_LIMIT_BYTES
 from zacoustic_evologics.at.settings import SETTINGS
 
 IN_AIR_SOURCE_LEVEL: Final = 3

@@ -12,12 +12,14 @@ from typing import Final
 
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic.link import LoggedFrame
-from zacoustic_evologics.at.command_decoder import decode_payload_command
+from zacoustic_evologics.at.command_decoder import read_payload_command
+from zacoustic_evologics.at.decoder import decode_payload_record
 from zacoustic_evologics.at.framing import BODY_LIMIT_BYTES, CRLF, Gap
-from zacoustic_evologics.at.layouts import PAYLOAD_TOKENS, decode_payload_record
 from zacoustic_evologics.at.notifications import Recv, RecvIm, RecvIms, RecvPbm
+from zacoustic_evologics.at.table import PAYLOAD_RECORDS
 
 _WORD: Final = re.compile(rb"AT\*SEND(?:IMS|IM|PBM)?,|(RECV(?:IMS|IM|PBM)?),")
+_ROWS: Final = {row.start: row for row in PAYLOAD_RECORDS}
 _RECORD_BYTES: Final = BODY_LIMIT_BYTES + len(CRLF)
 
 
@@ -46,13 +48,12 @@ def _records(log: bytes) -> Iterator[tuple[bool, int, int, bytes]]:
         at = word.end()
         piece = log[word.start() : word.start() + _RECORD_BYTES]
         if word[1] is None:
-            sent = decode_payload_command(piece)
-            if sent is not None:
-                command, taken = sent
+            sent = read_payload_command(piece)
+            if not isinstance(sent, Gap) and (command := sent[0]) is not None:
                 yield True, 0, command.destination, command.payload
-                at = word.start() + taken
+                at = word.start() + sent[1] + 1
             continue
-        read = decode_payload_record(piece, PAYLOAD_TOKENS[word[1].decode()])
+        read = decode_payload_record(piece, _ROWS[word[0]])
         if not isinstance(read, Gap):
             record, taken = read
             at = word.start() + taken

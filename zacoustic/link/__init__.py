@@ -2,7 +2,8 @@
 
 `contract` is the contract of a link; this package exports its names. `registry` finds links and
 verbs, `bytestream` is TCP or a serial port behind one interface, `command` is the contract of a
-verb, and `serving` helps verbs that serve until they are interrupted.
+verb, and `serving` helps verbs that serve until they are interrupted. `fields` and `forms` are the
+two halves of a table of a device's text messages.
 """
 
 from zacoustic.link.contract import (

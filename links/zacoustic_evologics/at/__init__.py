@@ -1,8 +1,10 @@
 """The AT grammar of an S2C modem in both directions; without the state of a modem or a clock.
 
-- `framing`: lines, packets, headers of payloads; the limits of each.
-- `fields`, `layouts`: the kinds of fields, and the fields of each record.
-- `commands`, `notifications`, `usbl`, `replies`, `messages`: the records.
+- `commands`, `notifications`, `usbl`, `replies`, `messages`: the records; the annotation of each
+  field names its kind and its limits, which are in `fields`.
+- `table`: one row for each record, with its words and the order of its fields. Both directions
+  follow from it (`zacoustic.link.forms`), so driver and emulator cannot disagree.
+- `framing`, `stream`: lines, packets, headers of payloads; the limits of each.
 - `decoder` (`AtDecoder`, a modem's bytes), `command_decoder` (`CommandDecoder`, a host's bytes),
-  `encoder` (both directions), `answers` (the meaning of a reply's text), `settings`.
+  `encoder` (both directions), `answers` (an answer by its command), `settings`.
 """

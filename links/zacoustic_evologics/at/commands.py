@@ -10,90 +10,91 @@ from typing import TypeAlias
 
 import msgspec
 
+from zacoustic_evologics.at import fields
 from zacoustic_evologics.at.notifications import ImFlag
 
 
 class SendIm(msgspec.Struct, frozen=True, kw_only=True):
     """`AT*SENDIM`: an instant message, at once."""
 
-    payload: bytes
+    payload: fields.MessageSent
     """1…64 bytes."""
-    destination: int
+    destination: fields.Target
     """1…254, or 255 for broadcast, which is only possible without acknowledgement."""
     flag: ImFlag = ImFlag.NOACK
     """Whether the other modem acknowledges."""
-    pid: int | None = None
+    pid: fields.AskedProtocolId = None
     """Protocol id 0…7, with extended networking only."""
 
 
 class SendIms(msgspec.Struct, frozen=True, kw_only=True):
     """`AT*SENDIMS`: an instant message at an instant; never acknowledged."""
 
-    payload: bytes
+    payload: fields.MessageSent
     """1…64 bytes."""
-    destination: int
+    destination: fields.Target
     """1…255."""
-    start_us: int | None = None
+    start_us: fields.Start = None
     """Modem's clock at its start; None: at once."""
-    pid: int | None = None
+    pid: fields.AskedProtocolId = None
     """Protocol id 0…7, with extended networking only."""
 
 
 class SendPbm(msgspec.Struct, frozen=True, kw_only=True):
     """`AT*SENDPBM`: waits until the modem sends something to that address, and goes with it."""
 
-    payload: bytes
+    payload: fields.MessageSent
     """1…64 bytes."""
-    destination: int
+    destination: fields.Modem
     """1…254."""
-    pid: int | None = None
+    pid: fields.AskedProtocolId = None
     """Protocol id 0…7, with extended networking only."""
 
 
 class SendBurst(msgspec.Struct, frozen=True, kw_only=True):
     """`AT*SEND`: burst data, over a connection that the modem sets up."""
 
-    payload: bytes
+    payload: fields.BurstSent
     """1…1024 bytes."""
-    destination: int
+    destination: fields.Modem
     """1…254."""
-    pid: int | None = None
+    pid: fields.AskedProtocolId = None
     """Protocol id 0…7, with extended networking only."""
 
 
 class SendProbe(msgspec.Struct, frozen=True, kw_only=True):
     """`AT*SENDPROBE`: a probe signal."""
 
-    bit: int
+    bit: fields.Signed
     """The bit that it carries."""
-    follow: int
+    follow: fields.Signed
     """Passed to the modem; no source explains it."""
-    start_us: int | None = None
+    start_us: fields.Start = None
     """Modem's clock at its start; None: at once."""
 
 
 class Query(msgspec.Struct, frozen=True):
     """`AT?NAME`: read a setting or a measurement."""
 
-    name: str
+    name: fields.Name
     """Capital letters."""
 
 
 class Set(msgspec.Struct, frozen=True):
     """`AT!NAME<n>`: change a setting of the modem until it is switched off."""
 
-    name: str
+    name: fields.Name
     """Capital letters."""
-    value: int
+    value: fields.Value
     """The new value."""
 
 
 class SetOption(msgspec.Struct, frozen=True):
     """`AT@NAME[<n>]`: change an option of this port, or an action without another form."""
 
-    name: str
+    name: fields.Name
     """Capital letters."""
-    value: int | None = None
+    value: fields.OptionalValue = None
     """None for options without a value, such as `AT@CTRL`."""
 
 
@@ -135,23 +136,23 @@ class Act(msgspec.Struct, frozen=True):
 
     action: Action
     """The action."""
-    value: int | None = None
+    value: fields.ActionValue = None
     """The number after the letter, if any."""
 
 
 class Help(msgspec.Struct, frozen=True):
     """`AT<key>$`: explain a command."""
 
-    key: str
+    key: fields.Key
     """The text between `AT` and `$`."""
 
 
 class ExtensionCommand(msgspec.Struct, frozen=True):
     """`AT%KEY[,parameters]`: for the vendor's middleware, not for a modem."""
 
-    key: str
+    key: fields.Name
     """Capital letters."""
-    parameters: str = ""
+    parameters: fields.Parameters = ""
     """The text after the first comma."""
 
 

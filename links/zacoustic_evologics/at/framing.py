@@ -39,6 +39,9 @@ _PACKET_HEADER_PART: Final = re.compile(rb"\+{3}AT[!-*,-9;-~]{0,32}(:[0-9]{0,5})
 _PACKET_HEADER_LIMIT: Final = len("+++AT") + 32 + 1 + 5 + 1
 
 
+_LENGTH: Final = re.compile(rb"[^,]*,(?:p[0-9]{1,3},)?([0-9]{1,6}),")
+
+
 class Interpreter(enum.Enum):
     """Interpreter of the commands on a port; the answer to `AT?MODE`."""
 
@@ -80,10 +83,8 @@ class Packet(msgspec.Struct, frozen=True):
 class Header(msgspec.Struct, frozen=True):
     """The text before a payload."""
 
-    values: tuple[str, ...]
-    """The fields, without token, protocol id and length."""
-    pid: int | None
-    """Protocol id; None: the header has none."""
+    text: str
+    """From the name to the last comma."""
     payload_start: int
     """Where the payload begins."""
     payload_end: int
@@ -113,12 +114,6 @@ def read_packet(buffer: bytes | bytearray, start: int = 0) -> Packet | Gap:
     return Packet(match[1].decode("ascii"), bytes(buffer[body_start:body_end]), body_end + 2)
 
 
-def packet_start_overlap(buffer: bytes | bytearray) -> int:
-    """Return how many of the last bytes may be the beginning of a `+++AT`, at most four."""
-    counts = range(len(PACKET_START) - 1, 0, -1)
-    return next((count for count in counts if buffer.endswith(PACKET_START[:count])), 0)
-
-
 def encode_packet(name: str, body: bytes) -> bytes:
     """Wrap a body.
 
@@ -131,31 +126,28 @@ def encode_packet(name: str, body: bytes) -> bytes:
     return packet
 
 
-def read_header(buffer: bytes | bytearray, field_count: int, payload_limit: int) -> Header | Gap:
-    """Read ``TOKEN,[p<pid>,]<length>,<field>,…,`` from the beginning of a buffer.
+def read_header(
+    buffer: bytes | bytearray, start: int, commas: int, payload_limit: int
+) -> Header | Gap:
+    """Read ``NAME,[p<pid>,]<length>,<field>,…,``; the fields are not judged.
 
     Args:
-        buffer: Begins with the token.
-        field_count: Number of fields between length and payload.
+        buffer: Has the name and a comma at `start`.
+        start: Where the header begins.
+        commas: Number of commas in a header without protocol id.
         payload_limit: Longest payload that a header may announce, bytes.
     """
-    head = bytes(buffer[:HEADER_LIMIT_BYTES])
-    after_token = head.find(b",") + 1
-    has_pid = head.startswith(b"p", after_token)
-    commas = 2 + field_count + has_pid
-    columns = head.split(b",", commas)
-    short = len(columns) <= commas
-    text = b",".join(columns[:commas])
-    if b"\r" in text or b"\n" in text or (short and len(head) == HEADER_LIMIT_BYTES):
+    head = bytes(buffer[start : start + HEADER_LIMIT_BYTES])
+    commas += head.startswith(b"p", head.find(b",") + 1)
+    pieces = head.split(b",", commas)
+    text = b"".join(piece + b"," for piece in pieces[:commas])
+    is_short = len(pieces) <= commas
+    if b"\r" in text or b"\n" in text or (is_short and len(head) == HEADER_LIMIT_BYTES):
         return Gap.MALFORMED
-    if short:
+    if is_short:
         return Gap.INCOMPLETE
-    fields = [column.decode("latin-1") for column in columns[1:commas]]
-    pid = fields.pop(0)[1:] if has_pid else None
-    length = fields.pop(0)
-    if not re.fullmatch("[0-9]{1,6}", length) or int(length) > payload_limit:
+    match = _LENGTH.match(text)
+    if match is None or int(match[1]) > payload_limit:
         return Gap.MALFORMED
-    if pid is not None and not re.fullmatch("[0-9]{1,3}", pid):
-        return Gap.MALFORMED
-    start = len(text) + 1
-    return Header(tuple(fields), None if pid is None else int(pid), start, start + int(length))
+    payload_start = start + len(text)
+    return Header(text.decode("latin-1"), payload_start, payload_start + int(match[1]))

@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 import msgspec
 
+from zacoustic_evologics.at import fields
 from zacoustic_evologics.at.notifications import Notification
 
 
@@ -26,13 +27,13 @@ class Reply(msgspec.Struct, frozen=True):
 class Noise(msgspec.Struct, frozen=True, kw_only=True):
     """The answer to `AT?NOISE`: a recording. No source is certain about the three numbers."""
 
-    first: int
+    first: fields.Signed
     """Perhaps the sample rate."""
-    second: int
+    second: fields.Signed
     """Perhaps the gain."""
-    third: int
+    third: fields.Signed
     """Perhaps the received level."""
-    payload: bytes
+    payload: fields.AnyPayload
     """The recording."""
 
 

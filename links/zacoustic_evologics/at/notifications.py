@@ -10,6 +10,7 @@ from typing import TypeAlias
 
 import msgspec
 
+from zacoustic_evologics.at import fields
 from zacoustic_evologics.at.usbl import UsblNotification
 
 
@@ -25,19 +26,19 @@ class ImFlag(enum.Enum):
 
 
 class _Received(msgspec.Struct, frozen=True, kw_only=True):
-    payload: bytes
+    payload: fields.MessageReceived
     """What was sent."""
-    source: int
+    source: fields.Address
     """Address of the sender."""
-    destination: int
+    destination: fields.Address
     """Address it was sent to; not this modem's own in promiscuous mode, or for 255."""
-    rssi_db: int
+    rssi_db: fields.Rssi
     """Received level, dB re 1 V."""
-    integrity: int
+    integrity: fields.Integrity
     """Signal integrity; above 100 is good."""
-    velocity_m_s: float
+    velocity_m_s: fields.Velocity
     """Relative velocity, m/s, four decimals."""
-    pid: int | None = None
+    pid: fields.ProtocolId = None
     """Protocol id, with extended networking only."""
 
 
@@ -46,40 +47,42 @@ class RecvIm(_Received, frozen=True, kw_only=True):
 
     flag: ImFlag
     """What the sender asked for."""
-    duration_us: int | None = None
+    duration_us: fields.Duration | None = None
     """How long it was on the air, µs."""
-    bit_rate_bps: int | None = None
+    bit_rate_bps: fields.Rate | None = None
     """Firmware 1.6: bit rate."""
-    propagation_us: int | None = None
+    propagation_us: fields.Duration | None = None
     """Firmware 1.6: propagation delay, µs."""
 
 
 class RecvIms(_Received, frozen=True, kw_only=True):
     """A synchronous instant message."""
 
-    timestamp_us: int
+    timestamp_us: fields.Clock
     """Modem's clock when its signal began."""
-    duration_us: int
+    duration_us: fields.Duration
     """How long it was on the air, µs."""
 
 
 class RecvPbm(_Received, frozen=True, kw_only=True):
     """A piggyback message. Either `duration_us`, or both fields of firmware 1.6."""
 
-    duration_us: int | None = None
+    duration_us: fields.Duration | None = None
     """How long what carried it was on the air, µs."""
-    bit_rate_bps: int | None = None
+    bit_rate_bps: fields.Rate | None = None
     """Firmware 1.6: bit rate."""
-    propagation_us: int | None = None
+    propagation_us: fields.Duration | None = None
     """Firmware 1.6: propagation delay, µs."""
 
 
 class Recv(_Received, frozen=True, kw_only=True):
     """Burst data."""
 
-    bit_rate_bps: int
+    payload: fields.AnyPayload
+    """What was sent."""
+    bit_rate_bps: fields.Rate
     """Bit rate at which it came."""
-    propagation_us: int
+    propagation_us: fields.Duration
     """Propagation delay, µs."""
 
 
@@ -90,109 +93,109 @@ class RecvStart(msgspec.Struct, frozen=True):
 class RecvEnd(msgspec.Struct, frozen=True, kw_only=True):
     """A signal has been received. Some firmware adds a velocity, which is not read."""
 
-    clock_us: int
+    clock_us: fields.Clock
     """Modem's clock when the signal began."""
-    duration_us: int
+    duration_us: fields.Duration
     """How long it was, µs."""
-    rssi_db: int
+    rssi_db: fields.Rssi
     """Received level, dB re 1 V."""
-    integrity: int
+    integrity: fields.Integrity
     """Signal integrity."""
 
 
 class RecvFailed(msgspec.Struct, frozen=True, kw_only=True):
     """A signal could not be decoded."""
 
-    velocity_m_s: float
+    velocity_m_s: fields.Velocity
     """Relative velocity, m/s."""
-    rssi_db: int
+    rssi_db: fields.Rssi
     """Received level, dB re 1 V."""
-    integrity: int
+    integrity: fields.Integrity
     """Signal integrity."""
 
 
 class RecvSrv(msgspec.Struct, frozen=True, kw_only=True):
     """A service packet between others was overheard."""
 
-    source: int
+    source: fields.Address
     """Address of the sender."""
-    destination: int
+    destination: fields.Address
     """Address it was sent to."""
-    kind: str
+    kind: fields.Word
     """The vendor's word: `im`, `ack`, …"""
-    decoded: int
+    decoded: fields.Signed
     """As the modem sends it; seen are 0 and 1."""
-    transmitted: int
+    transmitted: fields.Signed
     """As the modem sends it; seen is 1."""
-    rssi_db: int
+    rssi_db: fields.Rssi
     """Received level, dB re 1 V."""
-    integrity: int
+    integrity: fields.Integrity
     """Signal integrity."""
 
 
 class RecvProbe(msgspec.Struct, frozen=True, kw_only=True):
     """A probe signal was received."""
 
-    bit: int
+    bit: fields.Signed
     """The bit it carries."""
-    timestamp_us: int
+    timestamp_us: fields.Clock
     """Modem's clock when it began."""
-    duration_us: int
+    duration_us: fields.Duration
     """How long it was, µs."""
-    rssi_db: int
+    rssi_db: fields.Rssi
     """Received level, dB re 1 V."""
-    integrity: int
+    integrity: fields.Integrity
     """Signal integrity."""
-    velocity_m_s: float
+    velocity_m_s: fields.Velocity
     """Relative velocity, m/s."""
 
 
 class SendStart(msgspec.Struct, frozen=True, kw_only=True):
     """A transmission begins."""
 
-    destination: int
+    destination: fields.Address
     """Address it goes to."""
-    kind: str
+    kind: fields.Word
     """The vendor's word: `im`, `ims`, …"""
-    duration_us: int
+    duration_us: fields.Duration
     """How long it will be on the air, µs."""
-    delay_us: int
+    delay_us: fields.Duration
     """How long until it begins, µs."""
 
 
 class SendEnd(msgspec.Struct, frozen=True, kw_only=True):
     """A transmission has ended."""
 
-    destination: int
+    destination: fields.Address
     """Address it went to."""
-    kind: str
+    kind: fields.Word
     """The vendor's word."""
-    clock_us: int
+    clock_us: fields.Clock
     """Modem's clock when the signal began."""
-    duration_us: int
+    duration_us: fields.Duration
     """How long it was on the air, µs."""
 
 
 class Delivered(msgspec.Struct, frozen=True, kw_only=True):
     """Burst data arrived: the other modem has it."""
 
-    counter: int
+    counter: fields.Count
     """What `AT?PC` answered before the data was given to the modem."""
-    destination: int
+    destination: fields.Address
     """Address."""
 
 
 class Failed(msgspec.Struct, frozen=True, kw_only=True):
     """Burst data was given up."""
 
-    counter: int
+    counter: fields.Count
     """What `AT?PC` answered before the data was given to the modem."""
-    destination: int
+    destination: fields.Address
     """Address."""
 
 
 class _Reported(msgspec.Struct, frozen=True):
-    destination: int
+    destination: fields.Address
     """Address it was meant for."""
 
 
@@ -234,28 +237,28 @@ class BitRate(msgspec.Struct, frozen=True):
 
     direction: Direction
     """Which way."""
-    bit_rate_bps: int
+    bit_rate_bps: fields.Rate
     """The new one."""
 
 
 class RemoteAddress(msgspec.Struct, frozen=True):
     """`RADDR`: the remote address of raw bursts has changed."""
 
-    address: int
+    address: fields.Address
     """The new one, 0 when there is none."""
 
 
 class SourceLevel(msgspec.Struct, frozen=True):
     """`SRCLEVEL`: the source level has been changed remotely."""
 
-    level: int
+    level: fields.SourceLevelNumber
     """0 is the loudest, 3 the quietest."""
 
 
 class DropCount(msgspec.Struct, frozen=True):
     """`DROPCNT`: raw data was dropped."""
 
-    dropped_bytes: int
+    dropped_bytes: fields.Count
     """How much."""
 
 
@@ -270,31 +273,31 @@ class PhyOff(msgspec.Struct, frozen=True):
 class Status(msgspec.Struct, frozen=True):
     """The state of the acoustic link has changed."""
 
-    state: str
+    state: fields.Word
     """`INITIATION`, `ONLINE`, `OFFLINE`, `BACKOFF`, `BUSY`, …"""
-    detail: str
+    detail: fields.Word
     """`LISTEN`, `CONNECTION_FAILED`, …"""
 
 
 class ExternalClock(msgspec.Struct, frozen=True, kw_only=True):
     """`ECLK`: the state of an external clock; firmware 1.9 and later."""
 
-    monotonic_us: int
+    monotonic_us: fields.SystemClock
     """Monotonic clock, µs."""
-    clock_us: int
+    clock_us: fields.Clock
     """Modem's clock."""
-    steering_ns_s: int
+    steering_ns_s: fields.Signed
     """How much the clock is steered, ns per second."""
-    flags: int
+    flags: fields.Signed
     """Bit 0 atomic clock unlocked, bit 1 GPS event, bit 2 power event."""
-    gps_us: int
+    gps_us: fields.SystemClock
     """GPS time, µs."""
 
 
 class ClockOffset(msgspec.Struct, frozen=True):
     """`RTO`: an offset of the clock."""
 
-    offset_us: int
+    offset_us: fields.Signed
     """How much, µs."""
 
 
@@ -317,9 +320,9 @@ class AsyncError(msgspec.Struct, frozen=True):
 class Extension(msgspec.Struct, frozen=True):
     """`%KEY` with the rest of its line: from the vendor's own middleware, not from a modem."""
 
-    key: str
+    key: fields.ExtensionKey
     """Behind the percent sign."""
-    parameters: str = ""
+    parameters: fields.ExtensionText = ""
     """Behind the first comma."""
 
 

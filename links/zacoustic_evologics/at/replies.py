@@ -1,4 +1,4 @@
-"""The possible meanings of a command's answer; their text forms are in `answers`.
+"""The possible meanings of a command's answer; their text forms are in `table`.
 
 Four answers fit every command: `OK`, `[*]OK`, and all that begins with `ERROR` or `BUSY`. No source
 explains `[*]` for certain: accepted, but not stored, or not in force yet. The driver records it and
@@ -7,17 +7,20 @@ one.
 """
 
 import enum
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import msgspec
 
+from zacoustic.link.fields import Padded, Switch
+from zacoustic.link.forms import Form, Lines
+from zacoustic_evologics.at import fields
 from zacoustic_evologics.at.framing import Interpreter
 
 
 class Accepted(msgspec.Struct, frozen=True):
     """`OK`."""
 
-    starred: bool = False
+    starred: fields.Starred = False
     """It came as `[*]OK`."""
 
 
@@ -35,23 +38,23 @@ class Refused(msgspec.Struct, frozen=True):
 
     kind: RefusalKind
     """Which of them."""
-    reason: str = ""
+    reason: fields.Reason = ""
     """What follows the word."""
 
 
 class Number(msgspec.Struct, frozen=True):
     """A setting, or a measurement that is a whole number."""
 
-    value: int
+    value: fields.Signed
     """In the unit of the queried setting."""
-    starred: bool = False
+    starred: fields.Starred = False
     """It came with `[*]`."""
 
 
 class Measurement(msgspec.Struct, frozen=True):
     """A measurement with decimals: `AT?E` dB, `AT?V` m/s, `AT?BV` V."""
 
-    value: float
+    value: fields.Reading
     """Four decimals."""
 
 
@@ -87,73 +90,76 @@ class DeliveryReply(msgspec.Struct, frozen=True):
 class LinkStatus(msgspec.Struct, frozen=True):
     """The answer to `AT?S` of the AT interpreter, and to the commands that change the state."""
 
-    state: str
+    state: fields.State
     """Words: `INITIATION LISTEN`, `INITIATION NOISE`, `ONLINE …`, `PHY …`."""
-    free_bytes: tuple[int, ...] = ()
+    free_bytes: fields.FreeBytes = ()
     """Room in the transmit buffer, for each channel."""
 
 
 class NetStatus(msgspec.Struct, frozen=True, kw_only=True):
     """The answer to `AT?S` of the NET interpreter."""
 
-    local_address: int
+    local_address: fields.Address
     """Of this modem."""
-    remote_address: int
+    remote_address: fields.Address
     """For raw bursts."""
-    state: str
+    state: fields.Line
     """As in `LinkStatus`."""
-    pool: str
+    pool: fields.Line
     """The vendor's words on the transmit buffer; no source has them exactly."""
-    promiscuous: bool
+    promiscuous: Annotated[bool, Switch("ON", "OFF", "1")]
     """Whether it reports messages for others."""
 
 
 class ShownSetting(msgspec.Struct, frozen=True):
     """One line of `AT&V`."""
 
-    label: str
+    label: fields.Label
     """The vendor's name for it; firmware 1.7 misspells one."""
-    value: int
+    value: fields.Shown
     """What it is set to."""
-    starred: bool = False
+    starred: fields.Starred = False
     """It came with `[*]`."""
 
 
 class SettingsReply(msgspec.Struct, frozen=True):
     """The answer to `AT&V`."""
 
-    settings: tuple[ShownSetting, ...]
-    """In the order of the modem."""
+    settings: Annotated[
+        tuple[ShownSetting, ...], Lines(Form(ShownSetting, "{starred}{label}:{value}"), "\r\n")
+    ]
+    """In the order of the modem. The line ends are those of a capture; the other answers of several
+    lines have bare line feeds."""
 
 
 class Path(msgspec.Struct, frozen=True):
     """One way that sound took."""
 
-    delay_us: int
+    delay_us: Annotated[int, Padded(fields.DIGITS, width=5)]
     """After the first, µs."""
-    strength: int
+    strength: Annotated[int, Padded(fields.DIGITS, width=5)]
     """In the modem's own scale."""
 
 
 class MultipathReply(msgspec.Struct, frozen=True):
     """The answer to `AT?P`."""
 
-    paths: tuple[Path, ...]
+    paths: Annotated[tuple[Path, ...], Lines(Form(Path, "{delay_us} {strength}"))]
     """Eight, those without sound are 0."""
 
 
 class PositionReply(msgspec.Struct, frozen=True, kw_only=True):
     """The answer to `AT?UP` (frame of the head) and `AT?UPX` (east, north, up)."""
 
-    measured_s: int
+    measured_s: fields.Count
     """System clock, s."""
-    address: int
+    address: fields.Address
     """The other modem."""
-    x_m: float
+    x_m: fields.Metres
     """Or east, m."""
-    y_m: float
+    y_m: fields.Metres
     """Or north, m."""
-    z_m: float
+    z_m: fields.Metres
     """Or up, m."""
 
 

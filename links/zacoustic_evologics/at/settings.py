@@ -38,6 +38,11 @@ class Setting(msgspec.Struct, frozen=True):
         """Tell whether the setting can have that value."""
         return self.low <= value <= self.high and (not self.choices or value in self.choices)
 
+    @property
+    def allowed(self) -> str:
+        """All allowed values, in words."""
+        return ", ".join(map(str, self.choices)) or f"{self.low}..{self.high}"
+
 
 # In the order of `AT&V`, for those that it shows.
 _TABLE: Final = (
@@ -73,3 +78,9 @@ _TABLE: Final = (
 )
 SETTINGS: Final = {setting.name: setting for setting in _TABLE}
 """By name."""
+
+
+def refuse_value(name: str, value: int) -> str:
+    """Return why a setting cannot have a value, or an empty text."""
+    setting = SETTINGS.get(name, Setting(name, 0, 2**32 - 1, 0))
+    return "" if setting.allows(value) else f"{name} is {value}; allowed: {setting.allowed}"

@@ -5,91 +5,94 @@ yaw) converts that to east, north, up. The system clock counts from the start of
 Unix time if somebody has set it; it is not the modem's clock of 32 bits.
 """
 
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import msgspec
+
+from zacoustic.link.fields import Several
+from zacoustic_evologics.at import fields
 
 
 class UsblLong(msgspec.Struct, frozen=True, kw_only=True):
     """Position of the other modem, measured by the answer to a message."""
 
-    clock_us: int
+    clock_us: fields.SystemClock
     """System clock at this notification, µs."""
-    measured_us: int
+    measured_us: fields.SystemClock
     """System clock at the measurement, µs."""
-    address: int
+    address: fields.Address
     """The other modem."""
-    x_m: float
+    x_m: fields.Metres
     """In the frame of the head, m; four decimals, as all that follow."""
-    y_m: float
+    y_m: fields.Metres
     """In the frame of the head, m."""
-    z_m: float
+    z_m: fields.Metres
     """In the frame of the head, m."""
-    east_m: float
+    east_m: fields.Metres
     """Turned by the head's attitude, m."""
-    north_m: float
+    north_m: fields.Metres
     """Turned by the head's attitude, m."""
-    up_m: float
+    up_m: fields.Metres
     """Turned by the head's attitude, m."""
-    roll_rad: float
+    roll_rad: fields.Angle
     """Attitude of the head, rad."""
-    pitch_rad: float
+    pitch_rad: fields.Angle
     """Attitude of the head, rad."""
-    yaw_rad: float
+    yaw_rad: fields.Angle
     """Attitude of the head, rad."""
-    propagation_us: int
+    propagation_us: fields.Duration
     """Propagation delay, one way, µs."""
-    rssi_db: int
+    rssi_db: fields.Rssi
     """Received level, dB re 1 V."""
-    integrity: int
+    integrity: fields.Integrity
     """Signal integrity."""
-    accuracy_m: float
+    accuracy_m: fields.Accuracy
     """Uncertainty, m; about the range itself when there is no fix."""
 
 
 class UsblAngles(msgspec.Struct, frozen=True, kw_only=True):
     """Direction of a received message, without a range."""
 
-    clock_us: int
+    clock_us: fields.SystemClock
     """System clock at this notification, µs."""
-    measured_us: int
+    measured_us: fields.SystemClock
     """System clock at the measurement, µs."""
-    address: int
+    address: fields.Address
     """The other modem."""
-    local_bearing_rad: float
+    local_bearing_rad: fields.Angle
     """In the frame of the head, rad; four decimals, as all that follow."""
-    local_elevation_rad: float
+    local_elevation_rad: fields.Angle
     """In the frame of the head, rad."""
-    bearing_rad: float
+    bearing_rad: fields.Angle
     """Turned by the head's attitude, rad."""
-    elevation_rad: float
+    elevation_rad: fields.Angle
     """Turned by the head's attitude, rad."""
-    roll_rad: float
+    roll_rad: fields.Angle
     """Attitude of the head, rad."""
-    pitch_rad: float
+    pitch_rad: fields.Angle
     """Attitude of the head, rad."""
-    yaw_rad: float
+    yaw_rad: fields.Angle
     """Attitude of the head, rad."""
-    rssi_db: int
+    rssi_db: fields.Rssi
     """Received level, dB re 1 V."""
-    integrity: int
+    integrity: fields.Integrity
     """Signal integrity."""
-    accuracy_rad: float
+    accuracy_rad: fields.Accuracy
     """Uncertainty, rad; negative when the angles are invalid."""
 
 
 class UsblPhyD(msgspec.Struct, frozen=True, kw_only=True):
     """Delays between hydrophones."""
 
-    clock_us: int
+    clock_us: fields.SystemClock
     """System clock at this notification, µs."""
-    measured_us: int
+    measured_us: fields.SystemClock
     """System clock at the measurement, µs."""
-    address: int
+    address: fields.Address
     """The other modem."""
-    fix: int
+    fix: fields.Signed
     """As the modem says it."""
-    delays: tuple[int, ...]
+    delays: Annotated[tuple[int, ...], Several(fields.SIGNED, 8)]
     """Eight: hydrophones 1-5, 2-5, 3-5, 4-5, 1-2, 4-1, 3-2, 3-4; 16777215 is invalid. No source
     states the unit."""
 
@@ -97,15 +100,15 @@ class UsblPhyD(msgspec.Struct, frozen=True, kw_only=True):
 class UsblPhyP(msgspec.Struct, frozen=True, kw_only=True):
     """Positions from groups of three hydrophones."""
 
-    clock_us: int
+    clock_us: fields.SystemClock
     """System clock at this notification, µs."""
-    measured_us: int
+    measured_us: fields.SystemClock
     """System clock at the measurement, µs."""
-    address: int
+    address: fields.Address
     """The other modem."""
-    fix: int
+    fix: fields.Signed
     """As the modem says it."""
-    positions_m: tuple[float, ...]
+    positions_m: Annotated[tuple[float, ...], Several(fields.RAW_METRES, 18)]
     """Eighteen: x, y, z, m, from hydrophones 123, 432, 341, 412, 153, 254."""
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from tests.links.evologics.cutting import at_random, decoded, one_by_one
 from tests.links.evologics.strategies import (
-    ALL_LAYOUTS,
+    ALL_ROWS,
     COMMANDS,
     LINE_COMMANDS,
     NOTIFICATIONS,
@@ -17,11 +17,12 @@ from tests.links.evologics.strategies import (
     PAYLOAD_COMMANDS,
     PLAIN_REPLIES,
     REPLY_NAMES,
-    beyond,
-    limits,
+    names,
     payloads,
-    records,
+    rows,
 )
+from tests.links.fieldvalues import an_example, beyond, limits, records
+from zacoustic.link.forms import Form
 from zacoustic_evologics import (
     SERIAL_LINE_END,
     TCP_LINE_END,
@@ -33,67 +34,89 @@ from zacoustic_evologics import (
     encode_message,
 )
 from zacoustic_evologics.at.commands import Act, Action, Escape
-from zacoustic_evologics.at.layouts import Layout
 from zacoustic_evologics.at.messages import RawData, Reply
+from zacoustic_evologics.at.table import ANSWERS, Row
+from zacoustic_evologics.at.table import COMMANDS as ROW_OF_COMMAND
 
+COMMAND_ROWS = tuple(ROW_OF_COMMAND.values())
 LINE_ENDS = st.sampled_from([TCP_LINE_END, SERIAL_LINE_END, b"\r\n"])
 FRAMINGS = st.sampled_from(Framing)
 QUIET_DATA = payloads(200, 1).filter(lambda content: b"+++AT" not in content)
 MODE_SWITCHES = (Action.COMMAND_MODE, Action.DATA_MODE)
 
 
-def layout_id(layout: Layout) -> str:
-    return f"{layout.token}-{len(layout.columns)}"
+EVERY_ROW = pytest.mark.parametrize("row", ALL_ROWS, ids=names(ALL_ROWS))
+EVERY_COMMAND = pytest.mark.parametrize("row", COMMAND_ROWS, ids=names(COMMAND_ROWS))
+EVERY_ANSWER = pytest.mark.parametrize("form", ANSWERS.values(), ids=lambda form: form.record)
 
 
-def an_example(layout: Layout) -> Any:
-    """Give a record with the first limit in every field."""
-    made = {
-        name: (limits(field)[0],) * several[0] if several else limits(field)[0]
-        for name, field, *several in layout.columns
-    }
-    return layout.record(**made, **({} if layout.payload_limit is None else {"payload": b"a,b"}))
+def example(row: Row) -> Any:
+    return an_example(row, **({} if row.payload is None else {"payload": b"a,b"}))
 
 
-@pytest.mark.parametrize("layout", ALL_LAYOUTS, ids=layout_id)
+@EVERY_ROW
 @given(content=st.data(), framing=FRAMINGS)
 def test_record_is_read_as_it_was_written(
-    layout: Layout, content: st.DataObject, framing: Framing
+    row: Row, content: st.DataObject, framing: Framing
 ) -> None:
-    record = content.draw(records(layout))
+    record = content.draw(rows(row))
     assert AtDecoder(framing).feed(encode_message(record, framing)) == [record]
 
 
+@EVERY_COMMAND
+@given(content=st.data(), framing=FRAMINGS, line_end=LINE_ENDS)
+def test_command_of_each_row_is_read_as_it_was_written(
+    row: Row, content: st.DataObject, framing: Framing, line_end: bytes
+) -> None:
+    command = content.draw(rows(row))
+    decoder = CommandDecoder(Interpreter.AT, framing)
+    assert decoder.feed(encode_command(command, framing, line_end)) == [command]
+
+
+@EVERY_ANSWER
+@given(content=st.data())
+def test_answer_of_each_form_is_read_as_it_was_written(
+    form: Form[Any], content: st.DataObject
+) -> None:
+    reply = content.draw(records(form))
+    assert form.read(form.write(reply)) == reply
+
+
 @pytest.mark.parametrize("framing", Framing)
-@pytest.mark.parametrize("layout", ALL_LAYOUTS, ids=layout_id)
-def test_record_is_read_as_it_was_written_at_every_limit(layout: Layout, framing: Framing) -> None:
-    example = an_example(layout)
-    for name, field, *several in layout.columns:
-        for value in limits(field):
-            change = {name: (value,) * several[0] if several else value}
-            record = msgspec.structs.replace(example, **change)
+@EVERY_ROW
+def test_record_is_read_as_it_was_written_at_every_limit(row: Row, framing: Framing) -> None:
+    for name, field in row.fields.items():
+        for value in [] if name == "payload" else limits(field):
+            record = msgspec.structs.replace(example(row), **{name: value})
             assert AtDecoder(framing).feed(encode_message(record, framing)) == [record]
 
 
-@pytest.mark.parametrize("layout", ALL_LAYOUTS, ids=layout_id)
-def test_record_beyond_a_limit_cannot_be_written(layout: Layout) -> None:
-    example = an_example(layout)
-    for name, field, *several in layout.columns:
-        for value in beyond(field):
-            change = {name: (value,) * several[0] if several else value}
-            record = msgspec.structs.replace(example, **change)
+@EVERY_ROW
+def test_record_beyond_a_limit_cannot_be_written(row: Row) -> None:
+    for name, field in row.fields.items():
+        for value in [] if name == "payload" else beyond(field):
+            record = msgspec.structs.replace(example(row), **{name: value})
             with pytest.raises(ValueError, match=r"\S"):
                 encode_message(record)
 
 
-@pytest.mark.parametrize("layout", [each for each in ALL_LAYOUTS if each.payload_limit is not None])
-def test_longest_payload_can_be_written_and_no_longer_one(layout: Layout) -> None:
-    assert layout.payload_limit is not None
-    longest = msgspec.structs.replace(an_example(layout), payload=b"\n" * layout.payload_limit)
+@EVERY_COMMAND
+def test_command_beyond_a_limit_cannot_be_written(row: Row) -> None:
+    for name, field in row.fields.items():
+        for value in [] if name == "payload" else beyond(field):
+            command = msgspec.structs.replace(example(row), **{name: value})
+            with pytest.raises((ValueError, TypeError), match=r"\S"):
+                encode_command(command)
+
+
+@pytest.mark.parametrize("row", [each for each in ALL_ROWS if each.payload is not None])
+def test_longest_payload_can_be_written_and_no_longer_one(row: Row) -> None:
+    assert row.payload is not None
+    longest = msgspec.structs.replace(example(row), payload=b"\n" * row.payload.longest)
     for framing in Framing:
         assert AtDecoder(framing).feed(encode_message(longest, framing)) == [longest]
         longer = msgspec.structs.replace(longest, payload=longest.payload + b"\n")
-        with pytest.raises(ValueError, match=str(layout.payload_limit)):
+        with pytest.raises(ValueError, match=str(row.payload.longest)):
             encode_message(longer, framing)
 
 

@@ -16,8 +16,7 @@ from zacoustic_evologics import (
     encode_message,
 )
 from zacoustic_evologics.at.commands import InvalidCommand
-from zacoustic_evologics.at.layouts import LINE_LAYOUTS, PAYLOAD_LAYOUTS
-from zacoustic_evologics.at.notifications import AsyncError, Extension
+from zacoustic_evologics.at.table import LINE_RECORDS, PAYLOAD_RECORDS
 
 BY_NAME = pytest.mark.parametrize("path", TRANSCRIPTS, ids=lambda path: path.stem)
 
@@ -65,8 +64,8 @@ def test_every_kind_of_notification_is_in_a_transcript() -> None:
         for said in read_transcript(path)
         for record in said.records
     }
-    layouts: set[Any] = {layout.record for layout in PAYLOAD_LAYOUTS + LINE_LAYOUTS}
-    assert (layouts | {AsyncError, Extension}) <= shown
+    kinds: set[Any] = {row.record for row in PAYLOAD_RECORDS + LINE_RECORDS}
+    assert kinds <= shown
 
 
 def test_lengths_of_the_captured_packets_are_theirs() -> None:

@@ -34,7 +34,7 @@ from typing import Final
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
 from zacoustic_evologics.at.commands import Act, Action, Query, SendBurst, Set
-from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
+from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES
 from zacoustic_evologics.at.notifications import (
     BitRate,
     Delivered,

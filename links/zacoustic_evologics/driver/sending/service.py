@@ -44,7 +44,7 @@ from zacoustic_evologics.at.commands import (
     SendIms,
     SendPbm,
 )
-from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
+from zacoustic_evologics.at.fields import IM_LIMIT_BYTES
 from zacoustic_evologics.at.notifications import (
     CanceledIm,
     CanceledIms,

@@ -14,7 +14,7 @@ longer than any message.
 from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
+from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES
 from zacoustic_evologics.at.notifications import SendStart
 
 TRAIN_LIMIT_S: Final = 4.1

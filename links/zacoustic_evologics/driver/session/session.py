@@ -8,9 +8,8 @@ from typing import Final
 
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import BulkService, LinkCapabilities, TransmitOutcome
-from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
+from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES, IM_LIMIT_BYTES
 from zacoustic_evologics.at.framing import Interpreter
-from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
 from zacoustic_evologics.config import EvologicsConfig
 

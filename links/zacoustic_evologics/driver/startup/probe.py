@@ -18,7 +18,8 @@ clears the buffer after it.
 from typing import Final
 
 from zacoustic_evologics.at.commands import Query
-from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES, encode_command
+from zacoustic_evologics.at.encoder import encode_command
+from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES
 from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing
 from zacoustic_evologics.at.messages import Message, Reply
 from zacoustic_evologics.at.replies import RefusalKind

@@ -13,7 +13,7 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic_evologics.at.commands import SendBurst
-from zacoustic_evologics.at.encoder import BURST_LIMIT_BYTES
+from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES
 from zacoustic_evologics.at.messages import RawData
 from zacoustic_evologics.at.notifications import (
     BitRate,

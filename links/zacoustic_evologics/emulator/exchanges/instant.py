@@ -9,7 +9,7 @@ from typing import Final
 
 from zacoustic.channel.agenda import Entry
 from zacoustic_evologics.at.commands import SendIm, SendIms, SendPbm
-from zacoustic_evologics.at.layouts import IM_LIMIT_BYTES
+from zacoustic_evologics.at.fields import IM_LIMIT_BYTES
 from zacoustic_evologics.at.notifications import (
     CanceledIm,
     CanceledIms,
