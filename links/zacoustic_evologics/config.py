@@ -98,10 +98,7 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
         ):
             setting = SETTINGS[name]
             if value is not None and not setting.allows(value):
-                allowed = setting.choices or (f"{setting.low}..{setting.high}",)
-                raise ValueError(
-                    f"{setting.label.lower()} is {value}; allowed: {', '.join(map(str, allowed))}"
-                )
+                raise ValueError(f"{setting.label.lower()} is {value}; allowed: {setting.allowed}")
         if self.deck and self.source_level not in (None, IN_AIR_SOURCE_LEVEL):
             raise ValueError(
                 f"source_level is {self.source_level} on deck; allowed: {IN_AIR_SOURCE_LEVEL}"

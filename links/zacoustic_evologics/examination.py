@@ -15,6 +15,7 @@ from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.link import Finding
 from zacoustic_evologics.at.commands import Act, Action, Command, Query
 from zacoustic_evologics.at.decoder import AtDecoder
+from zacoustic_evologics.at.firmware import FIRMWARES
 from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END
 from zacoustic_evologics.at.messages import Message, Reply
 from zacoustic_evologics.at.replies import (
@@ -25,15 +26,13 @@ from zacoustic_evologics.at.replies import (
     Number,
     TextReply,
 )
+from zacoustic_evologics.at.settings import SOURCE_LEVELS_DB
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
 from zacoustic_evologics.driver.channel import FENCE, CommandChannel
 from zacoustic_evologics.driver.startup.probe import Probe
 
 BAUDRATES: Final = (19_200, 115_200, 9_600, 38_400, 57_600, 4_800, 2_400)
 """Baud rates to try on a serial port, the usual one first."""
-SERVED_FIRMWARES: Final = ("1.6", "1.7", "1.8", "1.9")
-"""Firmwares whose peculiarities the driver knows."""
-LEVELS_DB: Final = {0: "the loudest", 1: "-6 dB", 2: "-12 dB", 3: "-20 dB"}
 NORMAL_GAIN: Final = 0
 
 _DEAF_WORDS: Final = ("NOISE", "DEAF", "PHY")
@@ -240,11 +239,11 @@ async def _judgements(
 
 def _of_firmware(reply: CommandReply | None) -> Iterator[Finding]:
     text = reply.text.strip() if isinstance(reply, TextReply) else ""
-    if not text.startswith(SERVED_FIRMWARES):
+    if not text.startswith(FIRMWARES):
         yield Finding(
             what=f"firmware of the modem is unknown: it answers {text or 'nothing'!r} to ATI0",
             why="its messages may have another form than the driver knows, and be dropped",
-            cure=f"try it on the bench, or load one of {', '.join(SERVED_FIRMWARES)}",
+            cure=f"try it on the bench, or load one of {', '.join(FIRMWARES)}",
         )
 
 
@@ -302,7 +301,7 @@ def _of_level(reply: CommandReply | None, config: EvologicsConfig) -> Iterator[F
     level = reply.value if config.source_level is None else config.source_level
     if level == IN_AIR_SOURCE_LEVEL:
         yield Finding(
-            what=f"source level is {level}, {LEVELS_DB[level]}: that of a bench in air",
+            what=f"source level is {level}, {SOURCE_LEVELS_DB[level]:g} dB: that of a bench in air",
             why="in water nobody farther than some hundred metres hears it",
             cure="source_level=0 in the locator, or AT!L0 in the modem; deck=true where it is in "
             "air",

@@ -46,11 +46,10 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.wire.agreement import TAG_BYTES
 from zacoustic.link.emulation.running import RunningEmulation
 from zacoustic.link.emulation.server import EmulationServer
+from zacoustic_evologics.airtime import GAP_NS, GAP_S, im_airtime_ns
 from zacoustic_evologics.config import EvologicsConfig
 from zacoustic_evologics.driver.dialogue import AtDialogue
-from zacoustic_evologics.driver.session.session import GAP_S
 from zacoustic_evologics.emulator import EmulatedFleet, scenario_of
-from zacoustic_evologics.emulator.hardware.airtime import GAP_NS, im_airtime_ns
 from zacoustic_evologics.link import EvologicsLink
 
 FRAME_BYTES: Final = 64

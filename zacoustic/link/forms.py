@@ -77,6 +77,14 @@ class Form(Generic[R]):
                 raise ValueError(f"{type(record).__name__}.{name}: {error}") from None
         return self.template.format(**texts)
 
+    def allows(self, record: R, name: str) -> bool:
+        """Tell whether a field of a record may be written."""
+        try:
+            self.fields[name].encode(getattr(record, name))
+        except ValueError:
+            return False
+        return True
+
 
 class Lines(Field):
     """Lines of one form, as a tuple of records; at least one.

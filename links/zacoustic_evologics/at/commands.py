@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from zacoustic_evologics.at import fields
+from zacoustic_evologics.at import fields, refusals
 from zacoustic_evologics.at.notifications import ImFlag
 
 
@@ -173,9 +173,9 @@ Command: TypeAlias = PayloadCommand | LineCommand
 class Mistake(enum.Enum):
     """Faults of an unreadable command; the value is the modem's answer."""
 
-    WRONG_FORMAT = "ERROR WRONG FORMAT"
+    WRONG_FORMAT = refusals.WRONG_FORMAT
     """A number is missing, a payload has a wrong length, or `+++` is not allowed."""
-    UNKNOWN_COMMAND = "ERROR UNKNOWN COMMAND"
+    UNKNOWN_COMMAND = refusals.UNKNOWN_COMMAND
     """No command has that letter."""
 
 

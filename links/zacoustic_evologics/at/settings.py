@@ -15,6 +15,9 @@ import msgspec
 HIGHEST_ADDRESSES: Final = (2, 6, 14, 30, 62, 126, 254)
 """Values of `AT!AM`; equal in all modems of a fleet, and not below any address in it."""
 
+SOURCE_LEVELS_DB: Final = (0.0, -6.0, -12.0, -20.0)
+"""Source levels by the number of `AT!L`, relative to the loudest, dB; the last one is for air."""
+
 
 class Setting(msgspec.Struct, frozen=True):
     """One setting."""

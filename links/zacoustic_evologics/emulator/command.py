@@ -31,6 +31,7 @@ from zacoustic.core.clock import ns_to_seconds
 from zacoustic.errors import ConfigError
 from zacoustic.link.emulation.verb import Reporter, add_places, add_scenario, serve
 from zacoustic.link.serving import LineWriter, run_until_stopped
+from zacoustic_evologics.at.firmware import FIRMWARES
 
 if TYPE_CHECKING:
     from zacoustic_evologics.emulator.fleet import EmulatedFleet
@@ -62,7 +63,7 @@ class EvologicsEmulation(Command):
             help="who reads on the ports; AT begins in data mode (default: %(default)s)",
         )  # fmt: skip
         parser.add_argument(
-            "--firmware", choices=("1.6", "1.7", "1.8", "1.9"), default="1.9",
+            "--firmware", choices=FIRMWARES, default="1.9",
             help="of all modems: which fields records have, what is known (default: %(default)s)",
         )  # fmt: skip
         parser.add_argument(

@@ -30,7 +30,7 @@ from zacoustic.channel.scenario import Scenario
 from zacoustic.errors import ConfigError
 from zacoustic.link.emulation import ModemOutput, PortClosed
 from zacoustic_evologics.at.framing import Interpreter
-from zacoustic_evologics.at.settings import HIGHEST_ADDRESSES, SETTINGS
+from zacoustic_evologics.at.settings import HIGHEST_ADDRESSES, SETTINGS, refuse_value
 from zacoustic_evologics.emulator.hardware.chassis import Behaviour
 from zacoustic_evologics.emulator.hardware.signals import Hearing
 from zacoustic_evologics.emulator.hardware.store import PORT_OPTIONS
@@ -246,9 +246,7 @@ class EmulatedFleet:
 
 def _check_settings(settings: Mapping[str, int]) -> None:
     for name, value in settings.items():
-        setting = SETTINGS.get(name)
-        if setting is None:
+        if name not in SETTINGS:
             raise ConfigError(f"setting {name}; allowed: {', '.join(sorted(SETTINGS))}")
-        if not setting.allows(value):
-            allowed = ", ".join(map(str, setting.choices)) or f"{setting.low}..{setting.high}"
-            raise ConfigError(f"setting {name} is {value}; allowed: {allowed}")
+        if refusal := refuse_value(name, value):
+            raise ConfigError(f"setting {refusal}")

@@ -13,7 +13,8 @@ from zacoustic.channel.driver import Driver
 from zacoustic.channel.medium import Medium
 from zacoustic.channel.scenario import Scenario
 from zacoustic.core.clock import NS_PER_S
-from zacoustic_evologics.emulator.hardware.airtime import equivalent_bytes
+from zacoustic_evologics.airtime import equivalent_bytes
+from zacoustic_evologics.at.settings import SOURCE_LEVELS_DB
 from zacoustic_evologics.emulator.hardware.signals import Hearing, Signal
 from zacoustic_evologics.emulator.observation import (
     Observer,
@@ -21,9 +22,6 @@ from zacoustic_evologics.emulator.observation import (
     SignalEmitted,
     ignore,
 )
-
-SOURCE_LEVELS_DB: Final = (0.0, -6.0, -12.0, -20.0)
-"""Source level by `AT!L0`…`AT!L3`, relative to the profile's, dB."""
 
 _RSSI_AT_ZERO_DB: Final = 204.0  # received level, dB re 1 µPa, that is 0 dB re 1 V
 _RSSI_LIMITS_DB: Final = (-100, -10)

@@ -33,6 +33,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.linktypes import BROADCAST, Transmission, TransmitOutcome
+from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.commands import (
     Act,
     Action,
@@ -225,9 +226,7 @@ def remedy_for(refusal: Refused) -> Remedy:
     """Return the reaction to a refusal, by the words that drivers have met."""
     if refusal.kind is RefusalKind.BUSY:
         return Remedy.WAIT
-    if refusal.reason.startswith("BUFFER") and refusal.reason.endswith("NOT EMPTY"):
-        return Remedy.CLEAR  # three spellings of it are known
-    return _REMEDIES.get(refusal.reason, Remedy.ASK)
+    return Remedy.CLEAR if refusals.is_not_empty(refusal) else _REMEDIES.get(refusal, Remedy.ASK)
 
 
 def remedy_command(remedy: Remedy) -> Command:
@@ -236,16 +235,16 @@ def remedy_command(remedy: Remedy) -> Command:
 
 
 _REMEDIES: Final = {
-    "BUFFER FULL": Remedy.WAIT,
-    "CONNECTION CLOSED": Remedy.WAIT,
-    "NOT ACCEPTED": Remedy.WAIT,
-    "OUT OF CONTEXT": Remedy.LISTEN,
-    "PHY OFF": Remedy.LISTEN,
-    "NO CONTROL": Remedy.NONE,
-    "NOT ALLOWED IN AUTOMATIC REGIME": Remedy.NONE,
-    "OUT OF RANGE": Remedy.NONE,
-    "PROTOCOL ID": Remedy.NONE,
-    "UNKNOWN COMMAND": Remedy.NONE,
-    "WRONG DESTINATION ADDRESS": Remedy.NONE,
-    "WRONG FORMAT": Remedy.NONE,
+    refusals.BUFFER_FULL: Remedy.WAIT,
+    refusals.CONNECTION_CLOSED: Remedy.WAIT,
+    refusals.NOT_ACCEPTED: Remedy.WAIT,
+    refusals.OUT_OF_CONTEXT: Remedy.LISTEN,
+    refusals.PHY_OFF: Remedy.LISTEN,
+    refusals.NO_CONTROL: Remedy.NONE,
+    refusals.NOT_ALLOWED: Remedy.NONE,
+    refusals.OUT_OF_RANGE: Remedy.NONE,
+    refusals.PROTOCOL_ID: Remedy.NONE,
+    refusals.UNKNOWN_COMMAND: Remedy.NONE,
+    refusals.WRONG_DESTINATION: Remedy.NONE,
+    refusals.WRONG_FORMAT: Remedy.NONE,
 }

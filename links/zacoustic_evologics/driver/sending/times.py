@@ -3,8 +3,9 @@
 from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic_evologics.airtime import TURNAROUND_NS
 from zacoustic_evologics.driver.sending.service import Carriage, Service
-from zacoustic_evologics.driver.session.session import OWED_S, ModemSession
+from zacoustic_evologics.driver.session.session import ModemSession
 
 BUSY_PAUSE_S: Final = (0.5, 1.5)
 """Random pause between two queries whether the modem has time, s; the vendor's middleware waits
@@ -80,7 +81,7 @@ class Timetable:
             if self._carriage.rides_back:
                 return given_at + seconds_to_ns(TRAIN_S)
             is_owed = self._carriage.alternative is not None
-            owed_ns = seconds_to_ns(OWED_S) + self.airtime_ns + margin_ns
+            owed_ns = TURNAROUND_NS + self.airtime_ns + margin_ns
             return given_at + owed_ns if is_owed else self.busy_until
         if self._carriage.acknowledged:
             exchange_ns = self.airtime_ns + self._round_trip_ns + margin_ns

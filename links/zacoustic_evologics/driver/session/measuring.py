@@ -14,10 +14,10 @@ from typing import Final
 
 from zacoustic.core.linktypes import LinkMetrics, ModemRead, PeerMeasured
 from zacoustic_evologics.at.notifications import RecvEnd
+from zacoustic_evologics.at.settings import SOURCE_LEVELS_DB
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
 from zacoustic_evologics.driver.session.session import (
     CLOCK_TRUST_NS,
-    RELATIVE_LEVELS_DB,
     ModemSession,
 )
 
@@ -90,7 +90,7 @@ def modem_read(session: ModemSession, now: int) -> ModemRead:
         read_at=now,
         firmware=session.firmware,
         battery_v=session.battery_v,
-        relative_source_level_db=None if level is None else RELATIVE_LEVELS_DB[level],
+        relative_source_level_db=None if level is None else SOURCE_LEVELS_DB[level],
     )
 
 

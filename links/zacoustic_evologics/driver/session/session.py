@@ -8,18 +8,12 @@ from typing import Final
 
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import BulkService, LinkCapabilities, TransmitOutcome
-from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES, IM_LIMIT_BYTES
+from zacoustic_evologics.airtime import BIT_RATE_BPS, GAP_S, PREAMBLE_S, TURNAROUND_NS
+from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES, CLOCK_SPAN_US, IM_LIMIT_BYTES
 from zacoustic_evologics.at.framing import Interpreter
+from zacoustic_evologics.at.settings import SOURCE_LEVELS_DB
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
-from zacoustic_evologics.config import EvologicsConfig
-
-PREAMBLE_S: Final = 0.1503
-"""Airtime of an instant message without a byte, s: straight line through the published airtimes of
-1…64 bytes, 14 ms off at most."""
-BIT_RATE_BPS: Final = 8 / 0.011094
-"""Marginal bit rate of instant messages; 64 bytes last 0.860 s."""
-GAP_S: Final = 0.0904
-"""Pause between instant messages, measured 88…93 ms."""
+from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
 
 RESTART_LEAST_NS: Final = NS_PER_S
 """A modem takes longer than this to restart: drivers give it 5 s, and one found 2 s too short."""
@@ -29,9 +23,6 @@ CLOCK_DRIFT: Final = 10_000
 """It may drift by the passed time divided by this: 100 ppm."""
 CLOCK_TRUST_NS: Final = 30 * NS_PER_S
 """No message is later than this, ns."""
-
-OWED_S: Final = 0.11
-"""From the end of a message to the modem's acknowledgement of it, s."""
 
 BURSTS_GO_ON_S: Final = 4.0
 """After burst data of another modem, for how long more of them are expected, s."""
@@ -47,17 +38,12 @@ _BULK: Final = BulkService(
 """Burst data. Its bit rate is the middle one of three that captures have. The modem's buffer holds
 16 KiB as it is delivered; the driver keeps what it has no room for. A piggyback message goes with
 the acknowledgement of a train."""
-_CLOCK_SPAN_US: Final = 2**32
-RELATIVE_LEVELS_DB: Final = (0.0, -6.0, -12.0, -20.0)
-"""Source levels by number, relative to the loudest, dB; the last one is for air."""
 RANGE_METRICS: Final = frozenset({"propagation_s", "range_m", "received_level_db", "integrity"})
 """Values measured in an exchange."""
 USBL_METRICS: Final = RANGE_METRICS | {
     "east_m", "north_m", "up_m", "accuracy_m", "bearing_rad", "elevation_rad", "accuracy_rad",
 }  # fmt: skip
 """Values measured by a USBL head."""
-
-_LEVELS: Final = ("0 dB", "-6 dB", "-12 dB", "-20 dB, for air")
 
 
 class PeerReadings:
@@ -178,7 +164,7 @@ class ModemSession:
 
     def note_owed(self, address: int, now: int) -> None:
         """Note that the modem is about to acknowledge a message of another one."""
-        self.answer_owed = address, now + seconds_to_ns(OWED_S)
+        self.answer_owed = address, now + TURNAROUND_NS
 
     def note_answering(self, address: int) -> None:
         """Note that the modem has begun to send to another one."""
@@ -216,7 +202,9 @@ class ModemSession:
         parts = [f"S2C firmware {self.firmware or 'unknown'} ({self.interpreter.value})"]
         parts.append(f"address {self.address} of {self.highest_address}")
         if self.source_level is not None:
-            parts.append(f"source level {self.source_level} ({_LEVELS[self.source_level]})")
+            air = ", for air" if self.source_level == IN_AIR_SOURCE_LEVEL else ""
+            level_db = SOURCE_LEVELS_DB[self.source_level]
+            parts.append(f"source level {self.source_level} ({level_db:g} dB{air})")
         if self.changes:
             parts.append("set " + ", ".join(self.changes))
         return ", ".join(parts)
@@ -259,7 +247,7 @@ class ModemSession:
         if self.clock_us is None:
             return False
         passed_ns = now - self.clock_read_at
-        ago_us = (self.clock_us + passed_ns // 1000 - clock_us) % _CLOCK_SPAN_US
+        ago_us = (self.clock_us + passed_ns // 1000 - clock_us) % CLOCK_SPAN_US
         error_ns = CLOCK_ERROR_NS + passed_ns // CLOCK_DRIFT
         is_of_that_clock = ago_us * 1000 < CLOCK_TRUST_NS + error_ns
         return is_of_that_clock and now - ago_us * 1000 + error_ns < instant

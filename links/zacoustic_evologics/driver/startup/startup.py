@@ -17,6 +17,7 @@ from typing import Final, TypeAlias
 import msgspec
 
 from zacoustic.errors import LinkError
+from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.answers import reply_text
 from zacoustic_evologics.at.commands import Act, Action, Command, Query, Set, SetOption
 from zacoustic_evologics.at.encoder import command_name
@@ -285,7 +286,7 @@ def _refuse(setting: Set, reply: Refused) -> None:
         # the second the level is set again when somebody changes it (`Inquiries.silence`).
         return
     words = reply_text(reply)
-    is_controlled = reply.reason == "NO CONTROL"
+    is_controlled = reply == refusals.NO_CONTROL
     raise StartupError(
         f"the modem refuses AT!{setting.name}{setting.value}: {words}",
         hint="another program has the control (AT@CTRL), or this port's AT?ZS is not 0"

@@ -12,6 +12,9 @@ from collections.abc import Callable, Iterable
 from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic_evologics.airtime import burst_airtime_ns, service_airtime_ns
+from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.commands import SendBurst
 from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES
 from zacoustic_evologics.at.messages import RawData
@@ -29,15 +32,7 @@ from zacoustic_evologics.at.replies import Accepted, Refused
 from zacoustic_evologics.emulator.exchanges.exchange import Ending, Exchange
 from zacoustic_evologics.emulator.exchanges.instant import InstantMessages, check_message
 from zacoustic_evologics.emulator.exchanges.pool import Queued, TransmitPool
-from zacoustic_evologics.emulator.hardware.airtime import burst_airtime_ns, service_airtime_ns
-from zacoustic_evologics.emulator.hardware.chassis import (
-    BACKOFF,
-    BROADCAST,
-    BUFFER_FULL,
-    WRONG_FORMAT,
-    Chassis,
-    Origin,
-)
+from zacoustic_evologics.emulator.hardware.chassis import Chassis, Origin
 from zacoustic_evologics.emulator.hardware.signals import BurstPacket, Hearing, Signal, SignalKind
 from zacoustic_evologics.emulator.hardware.transducer import Transducer
 
@@ -75,24 +70,18 @@ class Bursts:
 
     def send(self, origin: Origin, command: SendBurst, now: int) -> Accepted | Refused:
         """`AT*SEND`."""
-        refused = check_message(
-            self._chassis,
-            self._transducer,
-            command.payload,
-            command.destination,
-            BURST_LIMIT_BYTES,
-        )
-        if refused is None and command.destination == BROADCAST:
+        refused = check_message(self._chassis, self._transducer, command)
+        if refused == refusals.WRONG_DESTINATION and command.destination == BROADCAST:
             # No source knows the answer; DESERT's driver hangs on WRONG DESTINATION ADDRESS.
-            refused = WRONG_FORMAT
+            refused = refusals.WRONG_FORMAT
         if refused is None and now < self._transducer.backoff_until:
-            refused = BACKOFF
+            refused = refusals.BACKOFF
         if refused is not None:
             return refused
         pid = origin.pid if command.pid is None else command.pid
         packet = BurstPacket(command.payload, pid, is_raw=False)
         if not self.pool.put(packet, command.destination, origin.port_id):
-            return BUFFER_FULL
+            return refusals.BUFFER_FULL
         self.look(now)
         return Accepted()
 

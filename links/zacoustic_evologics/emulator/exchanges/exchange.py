@@ -20,7 +20,7 @@ import enum
 from collections.abc import Callable
 
 from zacoustic.channel.agenda import Entry
-from zacoustic_evologics.emulator.hardware.airtime import TURNAROUND_NS
+from zacoustic_evologics.airtime import TURNAROUND_NS
 from zacoustic_evologics.emulator.hardware.chassis import Chassis
 from zacoustic_evologics.emulator.hardware.signals import Hearing, Signal, SignalKind
 from zacoustic_evologics.emulator.hardware.transducer import Transducer

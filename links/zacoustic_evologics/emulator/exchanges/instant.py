@@ -8,8 +8,11 @@ from collections.abc import Callable
 from typing import Final
 
 from zacoustic.channel.agenda import Entry
-from zacoustic_evologics.at.commands import SendIm, SendIms, SendPbm
-from zacoustic_evologics.at.fields import IM_LIMIT_BYTES
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic_evologics.airtime import PREPARATION_NS, im_airtime_ns
+from zacoustic_evologics.at import refusals
+from zacoustic_evologics.at.commands import PayloadCommand, SendIm, SendIms, SendPbm
+from zacoustic_evologics.at.fields import CLOCK_SPAN_US
 from zacoustic_evologics.at.notifications import (
     CanceledIm,
     CanceledIms,
@@ -21,19 +24,9 @@ from zacoustic_evologics.at.notifications import (
     Notification,
 )
 from zacoustic_evologics.at.replies import Accepted, DeliveryState, Refused
+from zacoustic_evologics.at.table import COMMANDS
 from zacoustic_evologics.emulator.exchanges.exchange import Ending, Exchange, ExchangeState
-from zacoustic_evologics.emulator.hardware.airtime import PREPARATION_NS, im_airtime_ns
-from zacoustic_evologics.emulator.hardware.chassis import (
-    BACKOFF,
-    BROADCAST,
-    CLOCK_SPAN_US,
-    DELIVERING,
-    PHY_OFF,
-    WRONG_DESTINATION,
-    WRONG_FORMAT,
-    Chassis,
-    Origin,
-)
+from zacoustic_evologics.emulator.hardware.chassis import Chassis, Origin
 from zacoustic_evologics.emulator.hardware.signals import Hearing, Piggyback, Signal, SignalKind
 from zacoustic_evologics.emulator.hardware.transducer import Transducer
 
@@ -62,11 +55,7 @@ class InstantMessages:
 
     def send_im(self, origin: Origin, command: SendIm, now: int) -> Accepted | Refused:
         """`AT*SENDIM`."""
-        refused = check_message(
-            self._chassis, self._transducer, command.payload, command.destination, IM_LIMIT_BYTES
-        )
-        if refused is None and command.destination == BROADCAST and command.flag is ImFlag.ACK:
-            refused = WRONG_FORMAT
+        refused = check_message(self._chassis, self._transducer, command)
         if refused is None:
             refused = self._make_room(command.flag, now)
         if refused is not None:
@@ -89,14 +78,12 @@ class InstantMessages:
 
     def send_ims(self, origin: Origin, command: SendIms, now: int) -> Accepted | Refused:
         """`AT*SENDIMS`; without an instant it is sent at once, as an instant message."""
-        refused = check_message(
-            self._chassis, self._transducer, command.payload, command.destination, IM_LIMIT_BYTES
-        )
+        refused = check_message(self._chassis, self._transducer, command)
         transducer = self._transducer
         if refused is None and command.start_us is None:
             refused = self._make_room(ImFlag.NOACK, now)
             if transducer.is_transmitting(now):
-                refused = refused or BACKOFF
+                refused = refused or refusals.BACKOFF
         if refused is not None:
             return refused
         self._drop_scheduled()
@@ -116,11 +103,7 @@ class InstantMessages:
 
     def send_pbm(self, origin: Origin, command: SendPbm, now: int) -> Accepted | Refused:
         """`AT*SENDPBM`."""
-        refused = check_message(
-            self._chassis, self._transducer, command.payload, command.destination, IM_LIMIT_BYTES
-        )
-        if refused is None and command.destination == BROADCAST:
-            refused = WRONG_DESTINATION
+        refused = check_message(self._chassis, self._transducer, command)
         if refused is not None:
             return refused
         self._cancel_piggyback(command.destination)
@@ -172,16 +155,16 @@ class InstantMessages:
     def _make_room(self, flag: ImFlag, now: int) -> Refused | None:
         behaviour = self._chassis.behaviour
         if self._exchange is not None and behaviour.second_im == "busy":
-            return DELIVERING
+            return refusals.DELIVERING
         if flag is not ImFlag.FORCE:
             if behaviour.im_in_train == "refused" and self.has_bursts():
-                return BACKOFF
+                return refusals.BACKOFF
             transducer = self._transducer
             is_occupied = transducer.is_receiving or transducer.owed > 0
             if is_occupied and behaviour.while_receiving == "busy":
-                return BACKOFF
+                return refusals.BACKOFF
             if now < self._transducer.backoff_until:
-                return BACKOFF
+                return refusals.BACKOFF
         self._cancel_im()
         return None
 
@@ -258,12 +241,16 @@ class InstantMessages:
 
 
 def check_message(
-    chassis: Chassis, transducer: Transducer, payload: bytes, destination: int, limit: int
+    chassis: Chassis, transducer: Transducer, command: PayloadCommand
 ) -> Refused | None:
     """Return why a message cannot be sent at all, or None."""
+    row = COMMANDS[type(command)]
     if not transducer.is_on:
-        return PHY_OFF
-    if not 1 <= len(payload) <= limit:
-        return WRONG_FORMAT
-    is_one = 1 <= destination <= chassis.store["AM"] and destination != chassis.address
-    return None if is_one or destination == BROADCAST else WRONG_DESTINATION
+        return refusals.PHY_OFF
+    if not row.allows(command, "payload"):
+        return refusals.WRONG_FORMAT
+    to = command.destination
+    is_one = 1 <= to <= chassis.store["AM"] and to != chassis.address
+    if not is_one and not (to == BROADCAST and row.allows(command, "destination")):
+        return refusals.WRONG_DESTINATION
+    return refusals.WRONG_FORMAT if row.refusal(command) else None

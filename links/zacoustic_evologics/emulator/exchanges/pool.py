@@ -6,7 +6,7 @@ from typing import Final
 
 import msgspec
 
-from zacoustic_evologics.emulator.hardware.airtime import burst_airtime_ns
+from zacoustic_evologics.airtime import burst_airtime_ns
 from zacoustic_evologics.emulator.hardware.signals import BurstPacket
 
 PACKETS_LIMIT: Final = 1024

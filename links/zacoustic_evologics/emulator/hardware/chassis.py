@@ -7,37 +7,21 @@ or set by `AT!UT`.
 
 import random
 from collections import deque
-from typing import Final, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 import msgspec
 
 from zacoustic.channel.agenda import Agenda
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic_evologics.airtime import ACKNOWLEDGEMENT_NS, TURNAROUND_NS
+from zacoustic_evologics.at.fields import CLOCK_SPAN_US
+from zacoustic_evologics.at.firmware import Firmware
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.messages import Noise, RawData
 from zacoustic_evologics.at.notifications import Notification
-from zacoustic_evologics.at.replies import CommandReply, PositionReply, RefusalKind, Refused
-from zacoustic_evologics.emulator.hardware.airtime import ACKNOWLEDGEMENT_NS, TURNAROUND_NS
-from zacoustic_evologics.emulator.hardware.firmware import Firmware
+from zacoustic_evologics.at.replies import CommandReply, PositionReply
 from zacoustic_evologics.emulator.hardware.signals import Signal
 from zacoustic_evologics.emulator.hardware.store import SettingsStore
-
-CLOCK_SPAN_US: Final = 1 << 32
-"""The modem's clock wraps here, after 71.6 minutes."""
-BROADCAST: Final = 255
-"""Address of all nodes."""
-
-WRONG_FORMAT: Final = Refused(RefusalKind.ERROR, "WRONG FORMAT")
-UNKNOWN_COMMAND: Final = Refused(RefusalKind.ERROR, "UNKNOWN COMMAND")
-OUT_OF_RANGE: Final = Refused(RefusalKind.ERROR, "OUT OF RANGE")
-OUT_OF_CONTEXT: Final = Refused(RefusalKind.ERROR, "OUT OF CONTEXT")
-WRONG_DESTINATION: Final = Refused(RefusalKind.ERROR, "WRONG DESTINATION ADDRESS")
-NO_CONTROL: Final = Refused(RefusalKind.ERROR, "NO CONTROL")
-PHY_OFF: Final = Refused(RefusalKind.ERROR, "PHY OFF")
-BUFFER_FULL: Final = Refused(RefusalKind.ERROR, "BUFFER FULL")
-BUFFERS_NOT_EMPTY: Final = Refused(RefusalKind.ERROR, "BUFFERS ARE NOT EMPTY")
-BACKOFF: Final = Refused(RefusalKind.BUSY, "BACKOFF STATE")
-DELIVERING: Final = Refused(RefusalKind.BUSY, "DELIVERING INSTANT MESSAGE")
 
 
 class Behaviour(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

@@ -6,9 +6,9 @@ Options of a port (`AT@Z…`, protocol id) are in `port`.
 from collections.abc import Mapping
 from typing import Final
 
+from zacoustic_evologics.at.firmware import Firmware, label
 from zacoustic_evologics.at.replies import SettingsReply, ShownSetting
 from zacoustic_evologics.at.settings import SETTINGS
-from zacoustic_evologics.emulator.hardware.firmware import Firmware, label
 
 PORT_OPTIONS: Final = ("ZS", "ZF", "ZX", "ZU", "ZA", "ZB")
 """Settings that belong to a port."""

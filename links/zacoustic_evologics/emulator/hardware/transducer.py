@@ -7,8 +7,8 @@ medium decides such losses; this module only knows whether a sound is present.
 import enum
 from collections.abc import Callable
 
+from zacoustic_evologics.airtime import GAP_NS
 from zacoustic_evologics.at.notifications import RecvEnd, RecvFailed, RecvStart, SendEnd, SendStart
-from zacoustic_evologics.emulator.hardware.airtime import GAP_NS
 from zacoustic_evologics.emulator.hardware.chassis import Chassis
 from zacoustic_evologics.emulator.hardware.signals import Hearing, Signal
 

@@ -2,22 +2,13 @@
 
 from typing import Final
 
+from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.commands import Act, Action
 from zacoustic_evologics.at.notifications import PhyOff, PhyOn
 from zacoustic_evologics.at.replies import Accepted, CommandReply, LinkStatus, TextReply
 from zacoustic_evologics.emulator.exchanges.bursts import Bursts
 from zacoustic_evologics.emulator.exchanges.instant import InstantMessages
-from zacoustic_evologics.emulator.hardware.chassis import (
-    BACKOFF,
-    NO_CONTROL,
-    OUT_OF_CONTEXT,
-    OUT_OF_RANGE,
-    PHY_OFF,
-    UNKNOWN_COMMAND,
-    WRONG_DESTINATION,
-    Chassis,
-    Origin,
-)
+from zacoustic_evologics.emulator.hardware.chassis import Chassis, Origin
 from zacoustic_evologics.emulator.hardware.transducer import PhyState, Transducer
 from zacoustic_evologics.emulator.modem.queries import Answers
 
@@ -79,14 +70,16 @@ class Actions:
                 self._bursts.drop()
                 return Accepted()
             case Action.INFORMATION:
-                text, firmware = _INFORMATION.get(value or 0), self._chassis.behaviour.firmware
-                return OUT_OF_RANGE if text is None else TextReply(text.format(firmware=firmware))
+                text = _INFORMATION.get(value or 0)
+                if text is None:
+                    return refusals.OUT_OF_RANGE
+                return TextReply(text.format(firmware=self._chassis.behaviour.firmware))
             case Action.SHOW_SETTINGS:
                 return self._chassis.store.shown(self._chassis.behaviour.firmware)
             case Action.STORE_SETTINGS | Action.FACTORY_SETTINGS:
                 return self._store(action, origin)
             case Action.COMMAND_MODE | Action.DATA_MODE:
-                return UNKNOWN_COMMAND
+                return refusals.UNKNOWN_COMMAND
             case Action.ATTENTION:
                 return Accepted()
 
@@ -109,25 +102,25 @@ class Actions:
             case 2:
                 pass
             case _:
-                return OUT_OF_RANGE
+                return refusals.OUT_OF_RANGE
         return Accepted()
 
     def _connect(self, value: int | None, now: int) -> CommandReply:
         destination = self._chassis.store["AR"] if value is None else value
         if not self._transducer.is_on:
-            return PHY_OFF
+            return refusals.PHY_OFF
         if destination == 0:
-            return OUT_OF_CONTEXT
+            return refusals.OUT_OF_CONTEXT
         if destination == self._chassis.address or not destination <= self._chassis.store["AM"]:
-            return WRONG_DESTINATION
+            return refusals.WRONG_DESTINATION
         if now < self._transducer.backoff_until:
-            return BACKOFF
+            return refusals.BACKOFF
         self._bursts.connect(destination, now)
         return Accepted()
 
     def _store(self, action: Action, origin: Origin) -> CommandReply:
         if not self._answers.may_store(origin):
-            return NO_CONTROL
+            return refusals.NO_CONTROL
         if action is Action.STORE_SETTINGS:
             self._chassis.store.keep()
         else:

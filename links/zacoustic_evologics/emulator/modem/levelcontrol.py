@@ -10,9 +10,9 @@ louder.
 from typing import Final
 
 from zacoustic_evologics.at.notifications import SourceLevel
+from zacoustic_evologics.at.settings import SOURCE_LEVELS_DB
 from zacoustic_evologics.emulator.hardware.chassis import Chassis
 from zacoustic_evologics.emulator.hardware.signals import Hearing
-from zacoustic_evologics.emulator.medium import SOURCE_LEVELS_DB
 
 TOO_LOUD_DB: Final = -25
 """Above this level at the other modem, a modem becomes one step quieter; dB re 1 V."""

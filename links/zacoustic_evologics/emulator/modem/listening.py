@@ -3,6 +3,9 @@
 from typing import Any
 
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic_evologics.airtime import TURNAROUND_NS, service_airtime_ns
+from zacoustic_evologics.at.firmware import IM_BIT_RATE_BPS, tells_delays
 from zacoustic_evologics.at.notifications import (
     ImFlag,
     Notification,
@@ -15,9 +18,7 @@ from zacoustic_evologics.at.notifications import (
 from zacoustic_evologics.emulator.exchanges.bursts import Bursts
 from zacoustic_evologics.emulator.exchanges.instant import InstantMessages
 from zacoustic_evologics.emulator.exchanges.usblhead import UsblHead
-from zacoustic_evologics.emulator.hardware.airtime import TURNAROUND_NS, service_airtime_ns
-from zacoustic_evologics.emulator.hardware.chassis import BROADCAST, Chassis
-from zacoustic_evologics.emulator.hardware.firmware import IM_BIT_RATE_BPS, tells_delays
+from zacoustic_evologics.emulator.hardware.chassis import Chassis
 from zacoustic_evologics.emulator.hardware.signals import Hearing, Signal, SignalKind
 from zacoustic_evologics.emulator.hardware.transducer import Transducer
 from zacoustic_evologics.emulator.modem.levelcontrol import LevelControl

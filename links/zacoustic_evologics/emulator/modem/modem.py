@@ -15,6 +15,9 @@ import random
 from collections.abc import Mapping
 
 from zacoustic.core.clock import seconds_to_ns
+from zacoustic.core.linktypes import BROADCAST
+from zacoustic_evologics.airtime import ACKNOWLEDGEMENT_NS
+from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.commands import (
     Act,
     Action,
@@ -31,18 +34,14 @@ from zacoustic_evologics.at.commands import (
     Set,
     SetOption,
 )
+from zacoustic_evologics.at.firmware import Firmware
 from zacoustic_evologics.at.messages import Noise
 from zacoustic_evologics.at.notifications import PhyOn
 from zacoustic_evologics.at.replies import Accepted, CommandReply
 from zacoustic_evologics.emulator.exchanges.bursts import Bursts
 from zacoustic_evologics.emulator.exchanges.instant import InstantMessages
 from zacoustic_evologics.emulator.exchanges.usblhead import UsblHead
-from zacoustic_evologics.emulator.hardware.airtime import ACKNOWLEDGEMENT_NS
 from zacoustic_evologics.emulator.hardware.chassis import (
-    BACKOFF,
-    BROADCAST,
-    PHY_OFF,
-    UNKNOWN_COMMAND,
     Behaviour,
     CameUp,
     Chassis,
@@ -51,7 +50,6 @@ from zacoustic_evologics.emulator.hardware.chassis import (
     Said,
     WentDown,
 )
-from zacoustic_evologics.emulator.hardware.firmware import Firmware
 from zacoustic_evologics.emulator.hardware.signals import Hearing, Signal, SignalKind
 from zacoustic_evologics.emulator.hardware.store import SettingsStore
 from zacoustic_evologics.emulator.hardware.transducer import Transducer
@@ -214,16 +212,16 @@ class EmulatedModem:
             case Help():
                 return help_text(command.key)
             case ExtensionCommand() | InvalidCommand():
-                return UNKNOWN_COMMAND
+                return refusals.UNKNOWN_COMMAND
             case _:
                 return Accepted()
 
     def _send_probe(self, command: SendProbe, now: int) -> CommandReply:
         transducer = self._transducer
         if not transducer.is_on:
-            return PHY_OFF
+            return refusals.PHY_OFF
         if transducer.is_transmitting(now) or transducer.is_receiving or transducer.owed:
-            return BACKOFF
+            return refusals.BACKOFF
         transducer.transmit(
             Signal(
                 kind=SignalKind.PROBE,

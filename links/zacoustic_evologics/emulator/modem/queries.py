@@ -4,7 +4,9 @@ import math
 from collections.abc import Callable
 from typing import Final
 
+from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.commands import Query, Set, SetOption
+from zacoustic_evologics.at.firmware import knows_control
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.messages import Noise
 from zacoustic_evologics.at.notifications import ClockOffset, RemoteAddress
@@ -23,17 +25,7 @@ from zacoustic_evologics.at.replies import (
 from zacoustic_evologics.at.settings import SETTINGS
 from zacoustic_evologics.emulator.exchanges.bursts import Bursts
 from zacoustic_evologics.emulator.exchanges.instant import InstantMessages
-from zacoustic_evologics.emulator.hardware.chassis import (
-    BUFFERS_NOT_EMPTY,
-    NO_CONTROL,
-    OUT_OF_CONTEXT,
-    OUT_OF_RANGE,
-    UNKNOWN_COMMAND,
-    WRONG_FORMAT,
-    Chassis,
-    Origin,
-)
-from zacoustic_evologics.emulator.hardware.firmware import knows_control
+from zacoustic_evologics.emulator.hardware.chassis import Chassis, Origin
 from zacoustic_evologics.emulator.hardware.transducer import PhyState, Transducer
 
 _BATTERY_V: Final = 24.1
@@ -103,9 +95,9 @@ class Answers:
             case "P":
                 return self._multipath()
             case "UP":
-                return self._chassis.measured.body_position or OUT_OF_CONTEXT
+                return self._chassis.measured.body_position or refusals.OUT_OF_CONTEXT
             case "UPX":
-                return self._chassis.measured.earth_position or OUT_OF_CONTEXT
+                return self._chassis.measured.earth_position or refusals.OUT_OF_CONTEXT
             case "NOISE":
                 return _NOISE
             case "CTRL" if knows_control(self._chassis.behaviour.firmware):
@@ -113,26 +105,26 @@ class Answers:
             case _ if name in self._chassis.store:
                 return Number(self._chassis.store[name])
             case _:
-                return UNKNOWN_COMMAND
+                return refusals.UNKNOWN_COMMAND
 
     def change(self, command: Set, origin: Origin, now: int) -> CommandReply:
         """`AT!…`."""
         name = command.name
         if name not in self._chassis.store:
-            return UNKNOWN_COMMAND
+            return refusals.UNKNOWN_COMMAND
         if not self._may_change(origin):
-            return NO_CONTROL
+            return refusals.NO_CONTROL
         if name == "ZL" and self._bursts.pool:
-            return BUFFERS_NOT_EMPTY
+            return refusals.BUFFERS_NOT_EMPTY
         if name == "UT":
             if not SETTINGS[name].allows(command.value):
-                return OUT_OF_RANGE
+                return refusals.OUT_OF_RANGE
             before_us = self._chassis.system_us(now)
             self._chassis.set_system_s(command.value, now)
             self._chassis.say(ClockOffset(self._chassis.system_us(now) - before_us))
             return Accepted()
         if not self._chassis.store.change(name, command.value):
-            return OUT_OF_RANGE
+            return refusals.OUT_OF_RANGE
         if name == "AR":
             self._chassis.say(RemoteAddress(command.value))
         return Accepted()
@@ -143,7 +135,7 @@ class Answers:
         match command.name, command.value:
             case "CTRL", None if has_control:
                 if origin.pid != 0:
-                    return NO_CONTROL
+                    return refusals.NO_CONTROL
                 self.controller = origin.port_id
                 return Accepted()
             case "ZD", None:
@@ -154,7 +146,7 @@ class Answers:
             case "ZL", int(size):
                 return self.change(Set("ZL", size), origin, now)
             case _:
-                return WRONG_FORMAT
+                return refusals.WRONG_FORMAT
 
     def may_store(self, origin: Origin) -> bool:
         """Whether a port may store or restore the settings."""

@@ -6,10 +6,11 @@ for the modem.
 """
 
 from collections.abc import Mapping
-from typing import Final, TypeAlias
+from typing import Final
 
 import msgspec
 
+from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.answers import reply_text
 from zacoustic_evologics.at.command_decoder import CommandDecoder, CommandMessage
 from zacoustic_evologics.at.commands import (
@@ -24,67 +25,26 @@ from zacoustic_evologics.at.commands import (
     SetOption,
 )
 from zacoustic_evologics.at.encoder import command_name, encode_message
+from zacoustic_evologics.at.firmware import Firmware, knows_external_clock
 from zacoustic_evologics.at.framing import Framing, Interpreter
 from zacoustic_evologics.at.messages import RawData, Reply
-from zacoustic_evologics.at.notifications import (
-    BitRate,
-    ClockOffset,
-    ExternalClock,
-    PhyOff,
-    PhyOn,
-    ReceivedMessage,
-    RecvEnd,
-    RecvFailed,
-    RecvSrv,
-    RecvStart,
-    RemoteAddress,
-    SendEnd,
-    SendStart,
-    SourceLevel,
-    Status,
-)
+from zacoustic_evologics.at.notifications import ReceivedMessage
 from zacoustic_evologics.at.replies import (
     Accepted,
     CommandReply,
     ModeReply,
     Number,
-    RefusalKind,
-    Refused,
     TextReply,
 )
 from zacoustic_evologics.at.settings import SETTINGS
-from zacoustic_evologics.at.usbl import UsblNotification
-from zacoustic_evologics.emulator.hardware.chassis import (
-    OUT_OF_RANGE,
-    UNKNOWN_COMMAND,
-    WRONG_FORMAT,
-    Origin,
-    Spoken,
-)
-from zacoustic_evologics.emulator.hardware.firmware import Firmware, knows_external_clock
+from zacoustic_evologics.at.table import COMMANDS, NOTIFICATIONS
+from zacoustic_evologics.emulator.hardware.chassis import Origin, Spoken
 from zacoustic_evologics.emulator.hardware.store import PORT_OPTIONS
 
 GUARD_NS: Final = 1_000_000_000
 """Silence before and after `+++`, ns."""
 ECLK_PERIOD_NS: Final = 1_000_000_000
 """Period of notifications of the external clock, ns, for a port that has asked for them."""
-
-Extended: TypeAlias = (
-    RecvStart
-    | RecvEnd
-    | RecvFailed
-    | RecvSrv
-    | SendStart
-    | SendEnd
-    | BitRate
-    | RemoteAddress
-    | SourceLevel
-    | PhyOn
-    | PhyOff
-    | Status
-    | ClockOffset
-)
-"""Messages that come only with extended notifications. Sources differ in some of them."""
 
 
 class Port:
@@ -183,15 +143,14 @@ class Port:
                 return message
             case InvalidCommand():
                 self._asked = message.name
-                kind, _, reason = message.mistake.value.partition(" ")
-                return Refused(RefusalKind(kind), reason)
+                return message.mistake.value
             case Escape():
                 self._framing = Framing.LINES
                 return Accepted()
         self._asked = command_name(message)
         match message:
             case Query(name) | Set(name) | SetOption(name) if name in self._unknown:
-                return WRONG_FORMAT
+                return refusals.WRONG_FORMAT
             case Query("MODE"):
                 return ModeReply(self.interpreter)
             case Query("PID"):
@@ -209,21 +168,18 @@ class Port:
             case Act(Action.COMMAND_MODE | Action.DATA_MODE as action):
                 return self._switch(action)
         if isinstance(message, PayloadCommand) and message.pid is not None:
-            if message.pid > 7:
-                return Refused(RefusalKind.ERROR, "PROTOCOL ID")
+            if not COMMANDS[type(message)].allows(message, "pid"):
+                return refusals.PROTOCOL_ID
             if not self._options["ZF"]:
                 # A host that sends a protocol id would look for one in received messages, in vain.
-                return WRONG_FORMAT
+                return refusals.WRONG_FORMAT
         return message
 
     def wants(self, message: Spoken) -> bool:
         """Tell whether this port wants a message that is for all ports."""
-        if isinstance(message, Extended):
-            return self._options["ZX"] == 1
-        if isinstance(message, UsblNotification):
-            return self._options["ZU"] == 1
-        if isinstance(message, ExternalClock):
-            return self._options["ZA"] == 1
+        row = NOTIFICATIONS.get(type(message))
+        if row is not None and row.option:
+            return self._options[row.option] == 1
         if isinstance(message, RawData):
             return self._framing is Framing.PACKETS
         if isinstance(message, ReceivedMessage):
@@ -241,14 +197,14 @@ class Port:
 
     def _set(self, name: str, value: int) -> CommandReply:
         if not SETTINGS[name].allows(value):
-            return OUT_OF_RANGE
+            return refusals.OUT_OF_RANGE
         self._options[name] = value
         self._eclk_at = self._read_at
         return Accepted()
 
     def _switch(self, action: Action) -> CommandReply | None:
         if self.interpreter is Interpreter.NET:
-            return UNKNOWN_COMMAND
+            return refusals.UNKNOWN_COMMAND
         if action is Action.COMMAND_MODE:
             self._framing = Framing.LINES
             return Accepted()

@@ -10,8 +10,10 @@ import msgspec
 from zacoustic.channel.agenda import Agenda
 from zacoustic.channel.faults.faults import corrupt
 from zacoustic.link.emulation import ModemDown, ModemOutput, ModemUp, PortBytes, PortClosed
+from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.command_decoder import CommandMessage
 from zacoustic_evologics.at.commands import PayloadCommand
+from zacoustic_evologics.at.fields import CLOCK_SPAN_US
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.messages import RawData
 from zacoustic_evologics.at.notifications import (
@@ -22,14 +24,7 @@ from zacoustic_evologics.at.notifications import (
 )
 from zacoustic_evologics.at.notifications import FaultKind as ModemFault
 from zacoustic_evologics.at.replies import Accepted, CommandReply
-from zacoustic_evologics.emulator.hardware.chassis import (
-    CLOCK_SPAN_US,
-    DELIVERING,
-    CameUp,
-    Said,
-    Spoken,
-    WentDown,
-)
+from zacoustic_evologics.emulator.hardware.chassis import CameUp, Said, Spoken, WentDown
 from zacoustic_evologics.emulator.hardware.signals import Hearing, SignalKind
 from zacoustic_evologics.emulator.modem.modem import EmulatedModem
 from zacoustic_evologics.emulator.station.faults import FaultKind, FaultPlan, Misfortune
@@ -132,7 +127,7 @@ class Station:
                 return
             taken = port.take(message)
             if isinstance(taken, PayloadCommand) and self._misfortune.strikes(FaultKind.BUSY, now):
-                taken = DELIVERING
+                taken = refusals.DELIVERING
             if taken is None:
                 continue
             if isinstance(taken, CommandReply):

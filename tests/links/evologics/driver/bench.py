@@ -21,6 +21,7 @@ from zacoustic.core.linktypes import (
     Transmission,
     TransmitReport,
 )
+from zacoustic_evologics.airtime import BIT_RATE_BPS, PREAMBLE_S
 from zacoustic_evologics.at.answers import reply_text
 from zacoustic_evologics.at.command_decoder import CommandDecoder
 from zacoustic_evologics.at.commands import (
@@ -60,7 +61,6 @@ from zacoustic_evologics.driver.events import (
     OpeningHopeless,
     TransmissionEnded,
 )
-from zacoustic_evologics.driver.session.session import BIT_RATE_BPS, PREAMBLE_S
 from zacoustic_evologics.driver.states import State
 
 IGNORED: Final = "ignored"
@@ -152,7 +152,7 @@ class ScriptedModem:
     def _execute(self, command: Command | InvalidCommand) -> str | None:
         match command:
             case InvalidCommand():
-                return command.mistake.value
+                return reply_text(command.mistake.value)
             case Query("MODE"):
                 return self.decoder.interpreter.value
             case Query("S"):

@@ -8,9 +8,9 @@ import pytest
 from tests.links.evologics.driver.sea import Sea, outcomes
 from zacoustic.core.clock import NS_PER_S, ns_to_seconds, seconds_to_ns
 from zacoustic.core.linktypes import LinkState, TransmitOutcome
+from zacoustic_evologics.airtime import GAP_S
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.driver.session.session import GAP_S
 from zacoustic_evologics.emulator import (
     Behaviour,
     EmulatedFleet,

@@ -11,6 +11,7 @@ from typing import Final
 from tests.links.evologics.emulator.sea import Host, Sea
 from tests.links.evologics.transcript import expression
 from zacoustic_evologics import AtDecoder, CommandDecoder, Framing, Interpreter
+from zacoustic_evologics.at.firmware import Firmware
 from zacoustic_evologics.at.framing import CRLF, TCP_LINE_END
 from zacoustic_evologics.at.messages import RawData
 from zacoustic_evologics.emulator import (
@@ -20,7 +21,6 @@ from zacoustic_evologics.emulator import (
     PortBytes,
     ScriptedFault,
 )
-from zacoustic_evologics.emulator.hardware.firmware import Firmware
 
 FOLDER: Final = Path(__file__).parents[3] / "golden" / "evologics"
 

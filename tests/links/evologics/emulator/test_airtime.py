@@ -2,7 +2,7 @@
 
 import pytest
 
-from zacoustic_evologics.emulator.hardware.airtime import (
+from zacoustic_evologics.airtime import (
     ACKNOWLEDGEMENT_NS,
     burst_airtime_ns,
     equivalent_bytes,

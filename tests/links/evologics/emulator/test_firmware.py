@@ -3,9 +3,9 @@
 import pytest
 
 from tests.links.evologics.emulator.sea import Sea
+from zacoustic_evologics.at.firmware import Firmware
 from zacoustic_evologics.at.notifications import Recv, RecvIm, RecvIms, RecvPbm
 from zacoustic_evologics.emulator import Behaviour
-from zacoustic_evologics.emulator.hardware.firmware import Firmware
 
 EACH = pytest.mark.parametrize("firmware", ["1.6", "1.7", "1.8", "1.9"])
 

@@ -5,6 +5,7 @@ import pytest
 from tests.links.evologics.emulator.sea import Sea
 from zacoustic.channel.faults.loss import LossSpec
 from zacoustic.channel.scenario import LinkSpec, NodeSpec, Scenario, scenario_from_mapping
+from zacoustic_evologics.airtime import im_airtime_ns
 from zacoustic_evologics.at.notifications import (
     CanceledIm,
     CanceledIms,
@@ -23,7 +24,6 @@ from zacoustic_evologics.at.notifications import (
     SendStart,
 )
 from zacoustic_evologics.emulator import Behaviour, FaultKind, FaultPlan, ScriptedFault
-from zacoustic_evologics.emulator.hardware.airtime import im_airtime_ns
 
 LOUD = {"ZX": 1}
 

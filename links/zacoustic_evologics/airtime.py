@@ -1,4 +1,4 @@
-"""Airtimes and pauses of a modem.
+"""Airtimes and pauses of a modem: the emulator keeps them, the driver reckons with them.
 
 Instant messages follow a published table of measured durations; sizes between its rows are
 interpolated, and bytes of a piggyback message beyond 64 continue its last slope. For bursts and
@@ -14,13 +14,23 @@ Source:
 from bisect import bisect_left
 from typing import Final
 
+from zacoustic.core.clock import seconds_to_ns
+from zacoustic_evologics.at.fields import IM_LIMIT_BYTES
+
 TURNAROUND_NS: Final = 110_000_000
 """From the end of a message to the beginning of its acknowledgement, at the answering modem, ns."""
 ACKNOWLEDGEMENT_NS: Final = 139_376_000
 """Acknowledgement, and any other signal that only serves a connection, ns."""
-GAP_NS: Final = 90_400_000
-"""From the end of a message to the next one of the same modem, ns; measured: 88…93 ms. With it 64
+GAP_S: Final = 0.0904
+"""From the end of a message to the next one of the same modem, s; measured: 88…93 ms. With it 64
 bytes take 0.951 s, which is 539 bit/s."""
+GAP_NS: Final = seconds_to_ns(GAP_S)
+"""The same, ns."""
+PREAMBLE_S: Final = 0.1503
+"""Airtime of an instant message without a byte, s: straight line through the published airtimes of
+1…64 bytes, 14 ms off at most."""
+BIT_RATE_BPS: Final = 8 / 0.011094
+"""Marginal bit rate of instant messages; 64 bytes last 0.860 s."""
 PREPARATION_NS: Final = 15_950_000
 """How long before a scheduled signal the modem announces it, ns: measured between the layers."""
 
@@ -49,7 +59,6 @@ _TABLE_US: Final = {
 }
 _SIZES: Final = tuple(_TABLE_US)
 _BURST_PREAMBLE_NS: Final = ACKNOWLEDGEMENT_NS
-_IM_LIMIT_BYTES: Final = 64
 
 
 def im_airtime_ns(payload_bytes: int) -> int:
@@ -81,4 +90,4 @@ def equivalent_bytes(airtime_ns: int) -> int:
     the message of their length.
     """
     fits = [size for size in _SIZES if _TABLE_US[size] * 1000 <= airtime_ns]
-    return min(max(fits, default=1), _IM_LIMIT_BYTES)
+    return min(max(fits, default=1), IM_LIMIT_BYTES)

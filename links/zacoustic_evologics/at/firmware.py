@@ -7,10 +7,12 @@ up to 1.8 no external clock, `AT@ZA`
 ========  ==========================================================================================
 """
 
-from typing import Final, Literal, TypeAlias
+from typing import Final, Literal, TypeAlias, get_args
 
 Firmware: TypeAlias = Literal["1.6", "1.7", "1.8", "1.9"]
 """Answer of `ATI0`."""
+FIRMWARES: Final[tuple[str, ...]] = get_args(Firmware)
+"""Firmwares whose peculiarities are known."""
 IM_BIT_RATE_BPS: Final = 976
 """Bit rate of a message as reported by older firmware, bit/s."""
 
