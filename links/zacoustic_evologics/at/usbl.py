@@ -13,15 +13,18 @@ from zacoustic.link.fields import Several
 from zacoustic_evologics.at import fields
 
 
-class UsblLong(msgspec.Struct, frozen=True, kw_only=True):
-    """Position of the other modem, measured by the answer to a message."""
-
+class _Fix(msgspec.Struct, frozen=True, kw_only=True):
     clock_us: fields.SystemClock
     """System clock at this notification, µs."""
     measured_us: fields.SystemClock
     """System clock at the measurement, µs."""
     address: fields.Address
     """The other modem."""
+
+
+class UsblLong(_Fix, frozen=True, kw_only=True):
+    """Position of the other modem, measured by the answer to a message."""
+
     x_m: fields.Metres
     """In the frame of the head, m; four decimals, as all that follow."""
     y_m: fields.Metres
@@ -50,15 +53,9 @@ class UsblLong(msgspec.Struct, frozen=True, kw_only=True):
     """Uncertainty, m; about the range itself when there is no fix."""
 
 
-class UsblAngles(msgspec.Struct, frozen=True, kw_only=True):
+class UsblAngles(_Fix, frozen=True, kw_only=True):
     """Direction of a received message, without a range."""
 
-    clock_us: fields.SystemClock
-    """System clock at this notification, µs."""
-    measured_us: fields.SystemClock
-    """System clock at the measurement, µs."""
-    address: fields.Address
-    """The other modem."""
     local_bearing_rad: fields.Angle
     """In the frame of the head, rad; four decimals, as all that follow."""
     local_elevation_rad: fields.Angle
@@ -81,15 +78,9 @@ class UsblAngles(msgspec.Struct, frozen=True, kw_only=True):
     """Uncertainty, rad; negative when the angles are invalid."""
 
 
-class UsblPhyD(msgspec.Struct, frozen=True, kw_only=True):
+class UsblPhyD(_Fix, frozen=True, kw_only=True):
     """Delays between hydrophones."""
 
-    clock_us: fields.SystemClock
-    """System clock at this notification, µs."""
-    measured_us: fields.SystemClock
-    """System clock at the measurement, µs."""
-    address: fields.Address
-    """The other modem."""
     fix: fields.Signed
     """As the modem says it."""
     delays: Annotated[tuple[int, ...], Several(fields.SIGNED, 8)]
@@ -97,15 +88,9 @@ class UsblPhyD(msgspec.Struct, frozen=True, kw_only=True):
     states the unit."""
 
 
-class UsblPhyP(msgspec.Struct, frozen=True, kw_only=True):
+class UsblPhyP(_Fix, frozen=True, kw_only=True):
     """Positions from groups of three hydrophones."""
 
-    clock_us: fields.SystemClock
-    """System clock at this notification, µs."""
-    measured_us: fields.SystemClock
-    """System clock at the measurement, µs."""
-    address: fields.Address
-    """The other modem."""
     fix: fields.Signed
     """As the modem says it."""
     positions_m: Annotated[tuple[float, ...], Several(fields.RAW_METRES, 18)]

@@ -171,15 +171,11 @@ class Bursts:
                 self._chassis.say(RawData(packet.payload))
                 continue
             self._chassis.say(
-                Recv(
+                hearing.told(
+                    Recv,
                     payload=packet.payload,
-                    source=signal.source,
-                    destination=signal.destination,
                     bit_rate_bps=signal.bit_rate_bps,
-                    rssi_db=hearing.rssi_db,
-                    integrity=hearing.integrity,
                     propagation_us=hearing.propagation_us,
-                    velocity_m_s=hearing.velocity_m_s,
                     pid=packet.pid,
                 )
             )

@@ -10,7 +10,13 @@ import math
 from typing import Final
 
 from zacoustic_evologics.at.replies import PositionReply
-from zacoustic_evologics.at.usbl import UsblAngles, UsblLong, UsblPhyD, UsblPhyP
+from zacoustic_evologics.at.usbl import (
+    UsblAngles,
+    UsblLong,
+    UsblNotification,
+    UsblPhyD,
+    UsblPhyP,
+)
 from zacoustic_evologics.emulator.hardware.chassis import Chassis
 from zacoustic_evologics.emulator.hardware.signals import Hearing
 
@@ -48,23 +54,15 @@ class UsblHead:
         chassis = self._chassis
         distance_m = propagation_us * 1e-6 * chassis.store["CA"]
         east, north, up = (distance_m * each for each in self._direction(hearing))
-        measured_us = chassis.system_us(hearing.starts_at)
-        chassis.say(
-            UsblLong(
-                clock_us=chassis.system_us(now),
-                measured_us=measured_us,
-                address=hearing.signal.source,
-                x_m=east, y_m=north, z_m=up, east_m=east, north_m=north, up_m=up,
-                roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0,
-                propagation_us=propagation_us,
-                rssi_db=hearing.rssi_db,
-                integrity=hearing.integrity,
-                accuracy_m=max(_LEAST_ACCURACY_M, 2 * _ERROR_RAD * distance_m),
-            )
+        self._say(
+            UsblLong, hearing, now,
+            x_m=east, y_m=north, z_m=up, east_m=east, north_m=north, up_m=up,
+            roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0, propagation_us=propagation_us,
+            accuracy_m=max(_LEAST_ACCURACY_M, 2 * _ERROR_RAD * distance_m),
         )  # fmt: skip
         self._say_raw(hearing, now, (east, north, up))
         position = PositionReply(
-            measured_s=measured_us // 1_000_000,
+            measured_s=chassis.system_us(hearing.starts_at) // 1_000_000,
             address=hearing.signal.source,
             x_m=east,
             y_m=north,
@@ -74,8 +72,6 @@ class UsblHead:
 
     def _say_raw(self, hearing: Hearing, now: int, position_m: tuple[float, ...]) -> None:
         """Report the raw data of a fix: delays against the middle hydrophone and each other, ns."""
-        chassis = self._chassis
-        clock_us, measured_us = chassis.system_us(now), chassis.system_us(hearing.starts_at)
         distance_m = max(math.hypot(*position_m), 1e-3)
         east, north = position_m[0] / distance_m, position_m[1] / distance_m
         single = [
@@ -84,40 +80,32 @@ class UsblHead:
         ]
         pairs = [(0, 1), (3, 0), (2, 1), (2, 3)]
         delays = (*single, *(single[a] - single[b] for a, b in pairs))
-        address = hearing.signal.source
-        chassis.say(
-            UsblPhyD(
-                clock_us=clock_us, measured_us=measured_us, address=address, fix=1, delays=delays
-            )
-        )
-        chassis.say(
-            UsblPhyP(
-                clock_us=clock_us,
-                measured_us=measured_us,
-                address=address,
-                fix=1,
-                positions_m=tuple(position_m) * 6,
-            )
-        )
+        self._say(UsblPhyD, hearing, now, fix=1, delays=delays)
+        self._say(UsblPhyP, hearing, now, fix=1, positions_m=tuple(position_m) * 6)
 
     def _say_angles(self, hearing: Hearing, now: int) -> None:
-        chassis = self._chassis
         east, north, up = self._direction(hearing)
         bearing = math.atan2(north, east)
         elevation = math.asin(max(-1.0, min(1.0, up)))
-        chassis.say(
-            UsblAngles(
-                clock_us=chassis.system_us(now),
-                measured_us=chassis.system_us(hearing.starts_at),
-                address=hearing.signal.source,
-                local_bearing_rad=bearing, local_elevation_rad=elevation,
-                bearing_rad=bearing, elevation_rad=elevation,
-                roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0,
-                rssi_db=hearing.rssi_db,
-                integrity=hearing.integrity,
-                accuracy_rad=2 * _ERROR_RAD,
-            )
+        self._say(
+            UsblAngles, hearing, now,
+            local_bearing_rad=bearing, local_elevation_rad=elevation,
+            bearing_rad=bearing, elevation_rad=elevation,
+            roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0, accuracy_rad=2 * _ERROR_RAD,
         )  # fmt: skip
+
+    def _say(
+        self, kind: type[UsblNotification], hearing: Hearing, now: int, **others: object
+    ) -> None:
+        """Report a fix of the sender."""
+        record = hearing.told(
+            kind,
+            clock_us=self._chassis.system_us(now),
+            measured_us=self._chassis.system_us(hearing.starts_at),
+            address=hearing.signal.source,
+            **others,
+        )
+        self._chassis.say(record)
 
     def _direction(self, hearing: Hearing) -> tuple[float, float, float]:
         """Return the unit vector to the sender, with an error."""

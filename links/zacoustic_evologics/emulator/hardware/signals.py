@@ -1,7 +1,7 @@
 """Signals between emulated modems, and their receptions."""
 
 import enum
-from typing import Final
+from typing import Final, TypeVar
 
 import msgspec
 
@@ -98,6 +98,9 @@ class Signal(msgspec.Struct, frozen=True, kw_only=True):
         return len(self.payload) + piggyback_bytes + sum(len(each.payload) for each in self.packets)
 
 
+_S = TypeVar("_S", bound=msgspec.Struct)
+
+
 class Hearing(msgspec.Struct, frozen=True, kw_only=True):
     """A signal that has ended at a modem."""
 
@@ -117,6 +120,23 @@ class Hearing(msgspec.Struct, frozen=True, kw_only=True):
     """True speed of sound."""
     is_unheard: bool = False
     """The modem has missed it, whatever its outcome on the channel."""
+
+    def told(self, kind: type[_S], /, **others: object) -> _S:
+        """Return a modem's record of this signal.
+
+        Args:
+            kind: The record; addresses and measurements in it are those of this signal.
+            others: Its other fields.
+        """
+        heard = {
+            "source": self.signal.source,
+            "destination": self.signal.destination,
+            "rssi_db": self.rssi_db,
+            "integrity": self.integrity,
+            "velocity_m_s": self.velocity_m_s,
+        }
+        names = kind.__struct_fields__
+        return kind(**{name: heard[name] for name in names if name in heard}, **others)
 
     @property
     def is_received(self) -> bool:

@@ -107,23 +107,12 @@ class Transducer:
             measured.rssi_db = hearing.rssi_db
             measured.integrity = hearing.integrity
             measured.velocity_m_s = hearing.velocity_m_s
-            self._chassis.say(
-                RecvEnd(
-                    clock_us=self._chassis.clock_us(hearing.starts_at),
-                    duration_us=hearing.duration_ns // 1000,
-                    rssi_db=hearing.rssi_db,
-                    integrity=hearing.integrity,
-                )
-            )
+            clock_us = self._chassis.clock_us(hearing.starts_at)
+            duration_us = hearing.duration_ns // 1000
+            self._chassis.say(hearing.told(RecvEnd, clock_us=clock_us, duration_us=duration_us))
             return True
         if was_followed:
-            self._chassis.say(
-                RecvFailed(
-                    velocity_m_s=hearing.velocity_m_s,
-                    rssi_db=hearing.rssi_db,
-                    integrity=hearing.integrity,
-                )
-            )
+            self._chassis.say(hearing.told(RecvFailed))
         return False
 
     def restart(self) -> None:

@@ -1,7 +1,5 @@
 """What a modem does with a received signal: report it, answer it, or only note it."""
 
-from typing import Any
-
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic_evologics.airtime import TURNAROUND_NS, service_airtime_ns
@@ -73,7 +71,8 @@ class Listener:
         elif is_reported:
             self._report(hearing)
         if not is_reported:
-            self._chassis.say(_service_record(hearing))
+            kind = signal.kind.value
+            self._chassis.say(hearing.told(RecvSrv, kind=kind, decoded=1, transmitted=1))
         if is_reported and signal.piggyback is not None:
             self._chassis.say(self._piggyback_record(hearing))
         is_asking = signal.kind is not SignalKind.IM or signal.flag is ImFlag.ACK
@@ -102,36 +101,26 @@ class Listener:
         started_us = self._chassis.clock_us(hearing.starts_at)
         payload = hearing.reception.damage(signal.payload)
         if signal.kind is SignalKind.PROBE:
-            return RecvProbe(
-                bit=signal.bit,
-                timestamp_us=started_us,
-                duration_us=hearing.duration_ns // 1000,
-                rssi_db=hearing.rssi_db,
-                integrity=hearing.integrity,
-                velocity_m_s=hearing.velocity_m_s,
+            duration_us = hearing.duration_ns // 1000
+            return hearing.told(
+                RecvProbe, bit=signal.bit, timestamp_us=started_us, duration_us=duration_us
             )
         if signal.kind is SignalKind.IMS:
-            return RecvIms(
+            return hearing.told(
+                RecvIms,
                 payload=payload,
                 timestamp_us=started_us,
                 duration_us=signal.duration_ns // 1000,
-                **_common(hearing, signal.pid),
+                pid=signal.pid,
             )
-        return RecvIm(
-            payload=payload,
-            flag=signal.flag,
-            **self._timing(signal),
-            **_common(hearing, signal.pid),
-        )
+        timing = self._timing(signal)
+        return hearing.told(RecvIm, payload=payload, flag=signal.flag, pid=signal.pid, **timing)
 
     def _piggyback_record(self, hearing: Hearing) -> RecvPbm:
-        piggyback = hearing.signal.piggyback
-        assert piggyback is not None
-        return RecvPbm(
-            payload=piggyback.payload,
-            **self._timing(hearing.signal),
-            **_common(hearing, piggyback.pid),
-        )
+        carried = hearing.signal.piggyback
+        assert carried is not None
+        timing = self._timing(hearing.signal)
+        return hearing.told(RecvPbm, payload=carried.payload, pid=carried.pid, **timing)
 
     def _timing(self, signal: Signal) -> dict[str, int]:
         """Return a firmware's timing fields: a delay is that of the last exchange, 0 for none."""
@@ -164,26 +153,3 @@ class Listener:
             ),
             at,
         )
-
-
-def _common(hearing: Hearing, pid: int) -> dict[str, Any]:
-    return {
-        "source": hearing.signal.source,
-        "destination": hearing.signal.destination,
-        "rssi_db": hearing.rssi_db,
-        "integrity": hearing.integrity,
-        "velocity_m_s": hearing.velocity_m_s,
-        "pid": pid,
-    }
-
-
-def _service_record(hearing: Hearing) -> RecvSrv:
-    return RecvSrv(
-        source=hearing.signal.source,
-        destination=hearing.signal.destination,
-        kind=hearing.signal.kind.value,
-        decoded=1,
-        transmitted=1,
-        rssi_db=hearing.rssi_db,
-        integrity=hearing.integrity,
-    )
