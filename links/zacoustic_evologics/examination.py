@@ -7,7 +7,7 @@ Findings name the effect of each answer at sea.
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from typing import Any, Final
 
 from zacoustic.bytestream import ByteStream, holders
@@ -16,26 +16,34 @@ from zacoustic.link import Finding
 from zacoustic_evologics.at.commands import Act, Action, Command, Query
 from zacoustic_evologics.at.decoder import AtDecoder
 from zacoustic_evologics.at.firmware import FIRMWARES
-from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END
 from zacoustic_evologics.at.messages import Message, Reply
 from zacoustic_evologics.at.replies import (
     CommandReply,
-    LinkStatus,
-    ModeReply,
-    NetStatus,
     Number,
     TextReply,
+    state_words,
 )
 from zacoustic_evologics.at.settings import SOURCE_LEVELS_DB
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
-from zacoustic_evologics.driver.channel import FENCE, CommandChannel
+from zacoustic_evologics.driver.channel import CommandChannel
+from zacoustic_evologics.driver.session.session import ModemSession
 from zacoustic_evologics.driver.startup.probe import Probe
+from zacoustic_evologics.driver.startup.run import StartupRun
+from zacoustic_evologics.driver.startup.startup import (
+    DEAF_WORDS,
+    SILENT,
+    Reached,
+    Stages,
+    StartupError,
+    Step,
+    confirm,
+)
+from zacoustic_evologics.driver.states import Input
 
 BAUDRATES: Final = (19_200, 115_200, 9_600, 38_400, 57_600, 4_800, 2_400)
 """Baud rates to try on a serial port, the usual one first."""
 NORMAL_GAIN: Final = 0
 
-_DEAF_WORDS: Final = ("NOISE", "DEAF", "PHY")
 _BURST_WORDS: Final = ("ESTABLISH", "ONLINE", "BACKOFF", "DISCONNECT")
 _BITS_PER_BYTE: Final = 10
 
@@ -52,18 +60,19 @@ class Examination:
     def __init__(self, address: str, baudrate: int, reply_s: float) -> None:
         self._is_serial = address.startswith("serial:")
         self._stream = ByteStream(address, baudrate=baudrate)
-        byte_ns = _BITS_PER_BYTE * NS_PER_S // baudrate if self._is_serial else 0
-        self._reply_ns, self._byte_ns = seconds_to_ns(reply_s), byte_ns
-        self._channel = CommandChannel(reply_ns=self._reply_ns, byte_ns=byte_ns)
+        self._reply_ns = seconds_to_ns(reply_s)
+        self._byte_ns = _BITS_PER_BYTE * NS_PER_S // baudrate if self._is_serial else 0
         self._decoder = AtDecoder()
         self._heard: asyncio.Queue[Message | None] = asyncio.Queue()
+        self.channel = CommandChannel(reply_ns=self._reply_ns, byte_ns=self._byte_ns)
+        """Takes the commands."""
         self.reason = ""
         """Why there is no connection."""
         self.bytes_heard = 0
         """Number of bytes received, understood or not."""
 
-    async def open(self, patience_s: float) -> bool:
-        """Connect and look for a modem; False: nothing answers."""
+    async def run(self, session: ModemSession, stages: Stages, patience_s: float) -> bool:
+        """Connect, look for a modem, and run stages to their end; False: nothing answers."""
         self._stream.open(self)
         try:
             async with asyncio.timeout(patience_s):
@@ -72,73 +81,51 @@ class Examination:
             self.reason = self.reason or "no connection"
         if self.reason:
             return False
-        return await self._find()
+        probe = Probe(
+            is_serial=self._is_serial, may_fill=False, reply_ns=self._reply_ns,
+            byte_ns=self._byte_ns,
+        )  # fmt: skip
+        run = StartupRun(self.channel, session, probe, stages)
+        run.start(time.monotonic_ns())
+        try:
+            while not await self._go_on(run):
+                self._decoder.framing = self.channel.framing
+        except StartupError:
+            return False
+        return True
 
     async def close(self) -> None:
         """Release the port."""
         await self._stream.close()
 
-    async def ask(self, command: Command) -> CommandReply | None:
-        """Return the answer, or None if none came in time; asks twice."""
-        for _ in range(2):
-            ticket = self._channel.ask(command, time.monotonic_ns())
-            while (due_at := self._channel.due_at) is not None:
-                self._write()
-                message = await self._next(due_at)
-                now = time.monotonic_ns()
-                if isinstance(message, Reply):
-                    answer = self._channel.handle_reply(message, now)
-                else:
-                    answer = self._channel.handle_timeout(now)
-                if answer is not None and answer.ticket == ticket:
-                    if answer.reply is not None:
-                        return answer.reply
-                    break
-        return None
+    async def _go_on(self, run: StartupRun) -> list[Input]:
+        """Wait for a message, or the end of a time; return the stages that are completed."""
+        while (output := self.channel.poll_output()) is not None:
+            self._stream.write(output)
+        message = await self._next(run.due_at if run.is_probing else self.channel.due_at)
+        now = time.monotonic_ns()
+        if run.is_probing:
+            return run.handle_timeout(now) if message is None else run.handle_message(message, now)
+        if isinstance(message, Reply):
+            answer = self.channel.handle_reply(message, now)
+        else:
+            answer = self.channel.handle_timeout(now)
+        if answer is None or answer.late:
+            return []
+        if answer.ticket == run.ticket:
+            return run.handle_answer(answer, now)
+        if answer.reply is None:  # not even the channel's own query is answered
+            raise StartupError(SILENT)
+        return []
 
-    async def _find(self) -> bool:
-        probe = Probe(
-            is_serial=self._is_serial, may_fill=False, reply_ns=self._reply_ns,
-            byte_ns=self._byte_ns,
-        )  # fmt: skip
-        question: bytes | None = probe.start(time.monotonic_ns())
-        while question is not None:
-            self._stream.write(question)
-            while (due_at := probe.due_at) is not None:
-                message = await self._next(due_at)
-                if message is not None and probe.handle_message(message):
-                    assert probe.framing is not None
-                    self._channel.framing = self._decoder.framing = probe.framing
-                    self._channel.line_end = probe.line_end
-                    return await self._confirm()
-                if time.monotonic_ns() >= due_at:
-                    break
-            question = probe.handle_timeout(time.monotonic_ns())
-        return False
-
-    async def _confirm(self) -> bool:
-        """Find out interpreter and line end."""
-        reply = await self.ask(FENCE)
-        if reply is None:
-            serial_end = self._channel.line_end == SERIAL_LINE_END
-            self._channel.line_end = TCP_LINE_END if serial_end else SERIAL_LINE_END
-            reply = await self.ask(FENCE)
-        if isinstance(reply, ModeReply):
-            self._channel.interpreter = reply.interpreter
-        return isinstance(reply, ModeReply)
-
-    async def _next(self, due_at: int) -> Message | None:
+    async def _next(self, due_at: int | None) -> Message | None:
         """Return the modem's next message; None: the time or the connection has ended."""
-        left_s = max(0.0, (due_at - time.monotonic_ns()) / NS_PER_S)
+        left_s = max(0.0, ((due_at or 0) - time.monotonic_ns()) / NS_PER_S)
         try:
             async with asyncio.timeout(left_s):
                 return await self._heard.get()
         except TimeoutError:
             return None
-
-    def _write(self) -> None:
-        while (output := self._channel.poll_output()) is not None:
-            self._stream.write(output)
 
     # Called by the stream
 
@@ -174,16 +161,19 @@ async def examine(
     if address.startswith("serial:") and (others := holders(address)):
         return [_unreachable(address, f"in use by another program: {', '.join(others)}")]
     examination = Examination(address, config.baudrate, config.reply_s)
+    session = ModemSession(config, node_address)
+    found: list[Finding] = []
+    stages = _judge(examination.channel, config, node_address, found)
     try:
-        if await examination.open(patience_s):
-            return [each async for each in _judgements(examination, config, node_address)]
+        if await examination.run(session, stages, patience_s):
+            return found
     finally:
         await examination.close()
     if examination.reason:
         return [_unreachable(address, examination.reason)]
     if address.startswith("serial:"):
         for baudrate in BAUDRATES:
-            if baudrate != config.baudrate and await _answers(address, baudrate, config.reply_s):
+            if baudrate != config.baudrate and await _answers(address, baudrate, session):
                 return [_wrong_baudrate(address, config.baudrate, baudrate)]
     return [_silent(address, config.baudrate, examination.bytes_heard)]
 
@@ -208,33 +198,41 @@ def assess(health: Mapping[str, Any], config: EvologicsConfig) -> list[Finding]:
     return found
 
 
-async def _answers(address: str, baudrate: int, reply_s: float) -> bool:
-    examination = Examination(address, baudrate, min(reply_s, 0.5))
+async def _answers(address: str, baudrate: int, session: ModemSession) -> bool:
+    examination = Examination(address, baudrate, min(session.config.reply_s, 0.5))
     try:
-        return await examination.open(2.0)
+        return await examination.run(session, _find(examination.channel), 2.0)
     finally:
         await examination.close()
 
 
-async def _judgements(
-    examination: Examination, config: EvologicsConfig, node_address: int
-) -> AsyncIterator[Finding]:
-    firmware = await examination.ask(Act(Action.INFORMATION, 0))
-    for finding in _of_firmware(firmware):
-        yield finding
-    for finding in _of_state(await examination.ask(Query("S"))):
-        yield finding
-    address = await examination.ask(Query("AL"))
-    for finding in _of_address(address, config, node_address):
-        yield finding
-    highest = await examination.ask(Query("AM"))
+def _find(channel: CommandChannel) -> Stages:
+    """Only see that it is a modem."""
+    yield from confirm(channel)
+    yield Reached(Input.FOUND)
+
+
+def _judge(
+    channel: CommandChannel, config: EvologicsConfig, node_address: int, found: list[Finding]
+) -> Stages:
+    """Query the modem, and judge its answers."""
+    yield from confirm(channel)
+    found += _of_firmware((yield from _ask(Act(Action.INFORMATION, 0))))
+    found += _of_state((yield from _ask(Query("S"))))
+    found += _of_address((yield from _ask(Query("AL"))), config, node_address)
+    highest = yield from _ask(Query("AM"))
     is_left = isinstance(highest, Number) and config.highest_address is None
     if isinstance(highest, Number) and is_left and node_address > highest.value:
-        yield _too_small(highest.value, node_address)
-    for finding in _of_level(await examination.ask(Query("L")), config):
-        yield finding
-    for finding in _of_gain(await examination.ask(Query("G")), config):
-        yield finding
+        found.append(_too_small(highest.value, node_address))
+    found += _of_level((yield from _ask(Query("L"))), config)
+    found += _of_gain((yield from _ask(Query("G"))), config)
+    yield Reached(Input.READ)
+
+
+def _ask(command: Command) -> Generator[Step, CommandReply | None, CommandReply | None]:
+    """Send a query, twice if there is no answer; None: there was none."""
+    reply = yield command
+    return (yield command) if reply is None else reply
 
 
 def _of_firmware(reply: CommandReply | None) -> Iterator[Finding]:
@@ -248,12 +246,8 @@ def _of_firmware(reply: CommandReply | None) -> Iterator[Finding]:
 
 
 def _of_state(reply: CommandReply | None) -> Iterator[Finding]:
-    state = ""
-    if isinstance(reply, LinkStatus | NetStatus):
-        state = reply.state
-    elif isinstance(reply, TextReply):
-        state = reply.text
-    if any(word in state for word in _DEAF_WORDS):
+    state = state_words(reply)
+    if any(word in state for word in DEAF_WORDS):
         yield Finding(
             what=f"the modem does not listen: AT?S says {state}",
             why="it hears nobody, and acknowledges nothing",

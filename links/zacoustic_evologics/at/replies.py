@@ -185,3 +185,14 @@ CommandReply: TypeAlias = (
     | TextReply
 )
 """What an answer can mean."""
+
+
+def state_words(reply: CommandReply | None) -> str:
+    """Return the words of an answer to `AT?S`; empty if it is another one."""
+    match reply:
+        case LinkStatus() | NetStatus():
+            return reply.state
+        case TextReply():
+            return reply.text
+        case _:
+            return ""

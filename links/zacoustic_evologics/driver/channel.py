@@ -16,16 +16,13 @@ from typing import Final
 
 import msgspec
 
-from zacoustic_evologics.at.answers import ReplyCollector, decode_reply
+from zacoustic_evologics.at.answers import ReplyCollector, answers_to, decode_reply
 from zacoustic_evologics.at.commands import (
     Act,
     Action,
     Command,
+    PayloadCommand,
     Query,
-    SendBurst,
-    SendIm,
-    SendIms,
-    SendPbm,
     Set,
     SetOption,
 )
@@ -35,9 +32,6 @@ from zacoustic_evologics.at.messages import Reply
 from zacoustic_evologics.at.replies import (
     Accepted,
     CommandReply,
-    DeliveryReply,
-    ModeReply,
-    Number,
     Refused,
 )
 from zacoustic_evologics.at.settings import SETTINGS
@@ -200,21 +194,15 @@ def _can_answer(command: Command, meaning: CommandReply) -> bool:
     """Tell whether this can be the answer; otherwise it is noise, or answers something else."""
     if isinstance(meaning, Refused):
         return command != FENCE
-    match command:
-        case Query("MODE"):
-            return isinstance(meaning, ModeReply)
-        case Query("DI"):
-            return isinstance(meaning, DeliveryReply)
-        case Query(name) if name in _NUMBERS:
-            return isinstance(meaning, Number)
-        case Set() | SetOption() | Act(Action.RESET):
-            return isinstance(meaning, Accepted)
-        case SendIm() | SendIms() | SendPbm() | SendBurst():
-            return isinstance(meaning, Accepted)
-        case Query():
-            return not isinstance(meaning, Accepted)
-        case _:
-            return True
+    if isinstance(command, Query) and command.name in _CERTAIN:
+        return isinstance(meaning, answers_to(command))
+    if isinstance(command, Query):
+        return not isinstance(meaning, Accepted)
+    is_reset = isinstance(command, Act) and command.action is Action.RESET
+    if is_reset or isinstance(command, PayloadCommand | Set | SetOption):
+        return isinstance(meaning, Accepted)
+    return True
 
 
-_NUMBERS: Final = frozenset(SETTINGS) | {"CLOCK", "PC", "T"}
+_CERTAIN: Final = frozenset(SETTINGS) | {"MODE", "DI", "CLOCK", "PC", "T"}
+"""Queries whose answers have one form in all sources."""

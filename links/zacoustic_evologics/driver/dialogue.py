@@ -46,7 +46,7 @@ from zacoustic_evologics.driver.session.reception import Received, Reception
 from zacoustic_evologics.driver.session.session import ModemSession
 from zacoustic_evologics.driver.startup.probe import Probe
 from zacoustic_evologics.driver.startup.run import StartupRun
-from zacoustic_evologics.driver.startup.startup import SILENT, StartupError
+from zacoustic_evologics.driver.startup.startup import SILENT, StartupError, start_up
 from zacoustic_evologics.driver.states import CONNECTED, TRANSITIONS, UP, Input, State
 
 SETTLING_S: Final = 0.5
@@ -309,7 +309,9 @@ class AtDialogue:
             reply_ns=self._reply_ns,
             byte_ns=self._byte_ns,
         )
-        self._startup = StartupRun(self._channel, self._session, probe)
+        self._startup = StartupRun(
+            self._channel, self._session, probe, start_up(self._channel, self._session)
+        )
         self._startup.start(now)
 
     def _run(self, go_on: Callable[[int], list[Input]], now: int) -> None:

@@ -8,12 +8,10 @@ from zacoustic_evologics.at.replies import (
     CommandReply,
     DeliveryReply,
     DeliveryState,
-    LinkStatus,
-    NetStatus,
     Number,
     RefusalKind,
     Refused,
-    TextReply,
+    state_words,
 )
 from zacoustic_evologics.driver.channel import Answer
 from zacoustic_evologics.driver.sending.service import Carriage, Remedy, Service, remedy_for
@@ -36,14 +34,7 @@ def said(reply: CommandReply) -> str:
 
 def has_time(reply: CommandReply | None) -> bool:
     """Tell whether an answer to `AT?S` means that the modem listens, or is connected."""
-    match reply:
-        case LinkStatus() | NetStatus():
-            state = reply.state
-        case TextReply():
-            state = reply.text
-        case _:
-            return False
-    return any(word in state for word in _FREE)
+    return any(word in state_words(reply) for word in _FREE)
 
 
 def read_answer(phase: Phase, answer: Answer, carriage: Carriage, counter: int | None) -> Word:

@@ -1,4 +1,4 @@
-"""Runs a start-up: the probe until the modem gives a sign, then the stages of `startup`."""
+"""Runs a start-up: the probe until the modem gives a sign, then its stages."""
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic_evologics.at.commands import Query
@@ -13,7 +13,6 @@ from zacoustic_evologics.driver.startup.startup import (
     Reached,
     Stages,
     StartupError,
-    start_up,
 )
 from zacoustic_evologics.driver.states import Input
 
@@ -27,15 +26,18 @@ class StartupRun:
         channel: Takes commands.
         session: Takes the values.
         probe: Not started yet.
+        stages: Not started yet.
     """
 
-    def __init__(self, channel: CommandChannel, session: ModemSession, probe: Probe) -> None:
+    def __init__(
+        self, channel: CommandChannel, session: ModemSession, probe: Probe, stages: Stages
+    ) -> None:
         self.ticket: int | None = None
         """Ticket of the awaited answer's command."""
         self._channel = channel
         self._session = session
         self._probe: Probe | None = probe
-        self._stages: Stages = start_up(channel, session)
+        self._stages = stages
         self._resume_at: int | None = None
 
     @property

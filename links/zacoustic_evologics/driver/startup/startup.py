@@ -27,13 +27,12 @@ from zacoustic_evologics.at.replies import (
     CommandReply,
     DeliveryReply,
     DeliveryState,
-    LinkStatus,
     Measurement,
     ModeReply,
-    NetStatus,
     Number,
     Refused,
     TextReply,
+    state_words,
 )
 from zacoustic_evologics.at.settings import SETTINGS
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
@@ -51,7 +50,8 @@ FLIGHT_POLLS: Final = 5
 NUMBER_READINGS: Final = 5
 """Most queries of one number."""
 
-_NOT_LISTENING: Final = ("NOISE", "DEAF", "PHY")
+DEAF_WORDS: Final = ("NOISE", "DEAF", "PHY")
+"""Words of `AT?S` for states in which a modem hears nobody."""
 
 
 class Pause(msgspec.Struct, frozen=True):
@@ -101,7 +101,7 @@ def start_up(channel: CommandChannel, session: ModemSession) -> Stages:
     Raises:
         StartupError: It does not answer, or cannot serve this node.
     """
-    yield from _confirm(channel)
+    yield from confirm(channel)
     yield Reached(Input.FOUND)
     yield from _leave(channel, session)
     yield Reached(Input.LEFT)
@@ -120,7 +120,7 @@ def _ask(command: Command) -> Question:
     raise StartupError(f"the modem does not answer AT{command_name(command)}")
 
 
-def _confirm(channel: CommandChannel) -> Stages:
+def confirm(channel: CommandChannel) -> Stages:
     """Find out the interpreter. Late answers to the probe's queries end here."""
     reply = yield FENCE
     if reply is None:
@@ -144,11 +144,11 @@ def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
     if session.needs_clearing and channel.framing is Framing.PACKETS:
         yield from _ask(Act(Action.RESET, 4))
     session.needs_clearing = False
-    state = yield from _ask_state()
-    if any(word in state for word in _NOT_LISTENING):
+    state = state_words((yield from _ask(Query("S"))))
+    if any(word in state for word in DEAF_WORDS):
         yield from _ask(Act(Action.LISTEN))
-        state = yield from _ask_state()
-        if any(word in state for word in _NOT_LISTENING):
+        state = state_words((yield from _ask(Query("S"))))
+        if any(word in state for word in DEAF_WORDS):
             raise StartupError(f"the modem does not listen: {state}")
     yield from _await_landing()
     if session.has_piggyback:
@@ -164,17 +164,6 @@ def _await_landing() -> Stages:
             return
         yield Pause(FLIGHT_POLL_S)
     yield from _ask(DROP_MESSAGES)
-
-
-def _ask_state() -> Generator[Step, CommandReply | None, str]:
-    reply = yield from _ask(Query("S"))
-    match reply:
-        case LinkStatus() | NetStatus():
-            return reply.state
-        case TextReply():
-            return reply.text
-        case _:
-            return ""
 
 
 def _read(session: ModemSession) -> Stages:
