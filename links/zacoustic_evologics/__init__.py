@@ -3,6 +3,7 @@
 From the bottom up:
 
 - `at`: the grammar. Records of the messages of host and modem, decoders and encoders of both.
+- `airtime`: durations and pauses, which the driver reckons with and the emulator keeps.
 - `driver`: the dialogue with one modem, without a port and without a clock: start-up, one command
   in flight, one frame, the modem's state and measurements.
 - `config` and `link` (`EvologicsLink`): the settings of a locator; the port and the timer.

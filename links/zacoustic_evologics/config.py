@@ -4,7 +4,7 @@ from typing import Final, Literal
 
 from zacoustic.link import LinkConfig
 from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES, IM_LIMIT_BYTES
-from zacoustic_evologics.at.settings import SETTINGS
+from zacoustic_evologics.at.settings import KEYS, SETTINGS
 
 IN_AIR_SOURCE_LEVEL: Final = 3
 """The quietest level, 20 dB below the loudest; the only one that a transducer in air survives."""
@@ -91,12 +91,8 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
             )
         _check_range("baudrate", self.baudrate, 300, 4_000_000)
         _check_range("retries", self.retries, 0, _RETRIES_MAX)
-        for name, value in (
-            ("AM", self.highest_address),
-            ("L", self.source_level),
-            ("G", self.gain),
-        ):
-            setting = SETTINGS[name]
+        for name in ("AM", "L", "G"):
+            setting, value = SETTINGS[name], getattr(self, KEYS[name])
             if value is not None and not setting.allows(value):
                 raise ValueError(f"{setting.label.lower()} is {value}; allowed: {setting.allowed}")
         if self.deck and self.source_level not in (None, IN_AIR_SOURCE_LEVEL):

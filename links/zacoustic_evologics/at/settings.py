@@ -81,6 +81,16 @@ _TABLE: Final = (
 )
 SETTINGS: Final = {setting.name: setting for setting in _TABLE}
 """By name."""
+KEYS: Final = {
+    "AL": "address",
+    "AM": "highest_address",
+    "L": "source_level",
+    "LC": "source_level_control",
+    "G": "gain",
+    "RI": "retries",
+    "CA": "sound_speed_m_s",
+}
+"""Settings that the driver knows, and their names in a locator and in its diagnostics."""
 
 
 def refuse_value(name: str, value: int) -> str:

@@ -16,16 +16,8 @@ from typing import Final
 
 import msgspec
 
+from zacoustic_evologics.at import commands as asked
 from zacoustic_evologics.at.answers import ReplyCollector, answers_to, decode_reply
-from zacoustic_evologics.at.commands import (
-    Act,
-    Action,
-    Command,
-    PayloadCommand,
-    Query,
-    Set,
-    SetOption,
-)
 from zacoustic_evologics.at.encoder import command_name, encode_command
 from zacoustic_evologics.at.framing import Framing, Interpreter
 from zacoustic_evologics.at.messages import Reply
@@ -36,7 +28,7 @@ from zacoustic_evologics.at.replies import (
 )
 from zacoustic_evologics.at.settings import SETTINGS
 
-FENCE: Final = Query("MODE")
+FENCE: Final = asked.Query("MODE")
 """The query whose answer cannot be mistaken for another."""
 FENCE_TICKET: Final = 0
 """Ticket of the channel's own fences."""
@@ -47,7 +39,7 @@ class Answer(msgspec.Struct, frozen=True, kw_only=True):
 
     ticket: int
     """The number returned by `ask`; FENCE_TICKET for the channel's own query."""
-    command: Command
+    command: asked.Command
     """The command."""
     reply: CommandReply | None
     """The answer; None: none came in time."""
@@ -59,7 +51,7 @@ class _Pending(msgspec.Struct):
     """A command that is written and not answered yet."""
 
     ticket: int
-    command: Command
+    command: asked.Command
     due_at: int
     collector: ReplyCollector
 
@@ -82,9 +74,9 @@ class CommandChannel:
         """Number of commands not answered in time."""
         self._reply_ns = reply_ns
         self._byte_ns = byte_ns
-        self._waiting: deque[tuple[int, Command]] = deque()
+        self._waiting: deque[tuple[int, asked.Command]] = deque()
         self._pending: _Pending | None = None
-        self._doubted: tuple[int, Command] | None = None
+        self._doubted: tuple[int, asked.Command] | None = None
         self._output: deque[bytes] = deque()
         self._next_ticket = FENCE_TICKET + 1
 
@@ -102,7 +94,7 @@ class CommandChannel:
         self._doubted = None
         self._output.clear()
 
-    def ask(self, command: Command, now: int) -> int:
+    def ask(self, command: asked.Command, now: int) -> int:
         """Send a command after those that wait; return its ticket.
 
         Raises:
@@ -115,7 +107,7 @@ class CommandChannel:
         self._send_next(now)
         return ticket
 
-    def tell(self, command: Command) -> None:
+    def tell(self, command: asked.Command) -> None:
         """Send a command that has no answer; no other may be in flight."""
         self.write(encode_command(command, self.framing, self.line_end))
 
@@ -161,7 +153,7 @@ class CommandChannel:
         if self._pending is not None or not self._waiting:
             return
         ticket: int
-        command: Command
+        command: asked.Command
         if self._doubted is not None and self._waiting[0][1] != FENCE:
             ticket, command = FENCE_TICKET, FENCE
         else:
@@ -186,20 +178,20 @@ class CommandChannel:
         return Answer(ticket=ticket, command=command, reply=meaning, late=True)
 
 
-def _is_named_for(reply: Reply, command: Command) -> bool:
+def _is_named_for(reply: Reply, command: asked.Command) -> bool:
     return reply.command is None or reply.command == command_name(command)
 
 
-def _can_answer(command: Command, meaning: CommandReply) -> bool:
+def _can_answer(command: asked.Command, meaning: CommandReply) -> bool:
     """Tell whether this can be the answer; otherwise it is noise, or answers something else."""
     if isinstance(meaning, Refused):
         return command != FENCE
-    if isinstance(command, Query) and command.name in _CERTAIN:
+    if isinstance(command, asked.Query) and command.name in _CERTAIN:
         return isinstance(meaning, answers_to(command))
-    if isinstance(command, Query):
+    if isinstance(command, asked.Query):
         return not isinstance(meaning, Accepted)
-    is_reset = isinstance(command, Act) and command.action is Action.RESET
-    if is_reset or isinstance(command, PayloadCommand | Set | SetOption):
+    is_reset = isinstance(command, asked.Act) and command.action is asked.Action.RESET
+    if is_reset or isinstance(command, asked.PayloadCommand | asked.Set | asked.SetOption):
         return isinstance(meaning, Accepted)
     return True
 

@@ -2,8 +2,7 @@
 
 From the bottom up:
 
-- `hardware`: signals and their durations, settings, the differences between a real modem's versions
-  (`firmware`); `chassis` and `transducer` are shared by all parts of a modem.
+- `hardware`: signals, settings; `chassis` and `transducer` are shared by all parts of a modem.
 - `exchanges`: deliveries over several signals: `instant`, `bursts` out of a `pool`, `usblhead`.
 - `observation`, `medium`: the channel, and the events for an observer of all modems.
 - `modem`: one modem, sans-IO: `queries`, `actions`, `listening`, `levelcontrol`.

@@ -33,23 +33,12 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
+from zacoustic_evologics.at import notifications as said
 from zacoustic_evologics.at.commands import Act, Action, Query, SendBurst, Set
 from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES
-from zacoustic_evologics.at.notifications import (
-    BitRate,
-    Delivered,
-    Direction,
-    Failed,
-    Notification,
-    RecvEnd,
-    RecvFailed,
-    RecvStart,
-    SendStart,
-    Status,
-)
 from zacoustic_evologics.at.replies import Accepted, Number, Refused
 from zacoustic_evologics.driver.channel import Answer, CommandChannel
-from zacoustic_evologics.driver.sending.answers import said
+from zacoustic_evologics.driver.sending.answers import in_words
 from zacoustic_evologics.driver.sending.service import Remedy, remedy_command, remedy_for
 from zacoustic_evologics.driver.sending.times import BURST_LIMIT_S, BUSY_PAUSE_S
 from zacoustic_evologics.driver.sending.trains import Trains
@@ -59,7 +48,7 @@ MOST_OUTSTANDING: Final = 32
 """Frames that the driver takes; those for which the modem's buffer has no room wait here."""
 _STAY_S: Final = 12.0
 """After burst data have made way they stay for so long, s: about two trains."""
-_STIRRING: Final = (Delivered, Failed, Status, RecvEnd, RecvFailed)
+_STIRRING: Final = (said.Delivered, said.Failed, said.Status, said.RecvEnd, said.RecvFailed)
 _DROP_BURSTS: Final = Act(Action.RESET, 1)
 
 
@@ -106,7 +95,7 @@ class Bursts:
         self._counter = 0
         self._stirred_at = 0
         self._paused_until = 0
-        self._early: Delivered | Failed | None = None
+        self._early: said.Delivered | said.Failed | None = None
         self._refusal = ""
         self._has_cleared = False
         self._is_held = False
@@ -181,7 +170,7 @@ class Bursts:
                 self._counter = reply.value
                 self._ask_to_give(now)
             case _Step.COUNTING | _Step.MENDING:
-                self._refusal = said(reply) if reply is not None else "no answer"
+                self._refusal = in_words(reply) if reply is not None else "no answer"
                 if self._step is _Step.MENDING and reply is not None:
                     self._step = _Step.IDLE
                     self._go_on(now)
@@ -196,24 +185,24 @@ class Bursts:
             case _Step.DOUBTING if isinstance(reply, Number) and reply.value != self._counter:
                 self._has_it(now)
             case _Step.DOUBTING:
-                text = said(reply) if reply is not None else "no answer"
+                text = in_words(reply) if reply is not None else "no answer"
                 self._end_first(TransmitOutcome.ABORTED, f"no answer; then AT?PC: {text}", now)
             case _:
                 pass
         self._arm(now)
 
-    def handle_notification(self, record: Notification, now: int) -> None:
+    def handle_notification(self, record: said.Notification, now: int) -> None:
         """Take a message of the modem; most are about other matters."""
-        if isinstance(record, Delivered | Failed):
+        if isinstance(record, said.Delivered | said.Failed):
             self._end_given(record, now)
-        elif isinstance(record, SendStart):
+        elif isinstance(record, said.SendStart):
             receivers = {to for _, to in self._given}
             is_to_receiver = record.destination in receivers
             self._trains.begins(record, now, is_to_receiver=is_to_receiver)
             self._limit_trains(now)
-        elif isinstance(record, RecvStart):
+        elif isinstance(record, said.RecvStart):
             self._drop_if_due(self._trains.sounds_until, now)  # else the next train would follow
-        elif isinstance(record, BitRate) and record.direction is Direction.LOCAL:
+        elif isinstance(record, said.BitRate) and record.direction is said.Direction.LOCAL:
             self._trains.use_rate(record.bit_rate_bps)
             self._limit_trains(now)
         if isinstance(record, _STIRRING) and len(self):
@@ -319,7 +308,7 @@ class Bursts:
         self._go_on(now)
 
     def _refused(self, reply: Refused, now: int) -> None:
-        self._refusal = said(reply)
+        self._refusal = in_words(reply)
         remedy = remedy_for(reply)
         if remedy is Remedy.ASK:
             self._doubt(now)
@@ -353,7 +342,7 @@ class Bursts:
         self.due_at = min(instants, default=None)
         self._session.note_own_bursts(has_bursts=bool(self._given), now=now)
 
-    def _end_given(self, record: Delivered | Failed, now: int) -> None:
+    def _end_given(self, record: said.Delivered | said.Failed, now: int) -> None:
         key = (record.counter, record.destination)
         burst = self._given.pop(key, None)
         if burst is None and self._step in (_Step.GIVING, _Step.DOUBTING) and self._waiting:
@@ -364,7 +353,7 @@ class Bursts:
                 return
         if burst is None:
             return
-        is_there = isinstance(record, Delivered)
+        is_there = isinstance(record, said.Delivered)
         if is_there:
             self._trains.is_delivered()
             self._stays_until = 0

@@ -16,15 +16,8 @@ come late. So a message is *certain* or a *rumour*, and after a rumour the drive
 """
 
 from zacoustic.core.linktypes import TransmitOutcome
+from zacoustic_evologics.at import notifications as said
 from zacoustic_evologics.at.encoder import encode_message
-from zacoustic_evologics.at.notifications import (
-    CanceledPbm,
-    DeliveredIm,
-    Notification,
-    RecvEnd,
-    SendEnd,
-    SendStart,
-)
 from zacoustic_evologics.driver.sending.service import Carriage, Service
 from zacoustic_evologics.driver.sending.states import Word
 from zacoustic_evologics.driver.session.session import ModemSession
@@ -50,7 +43,7 @@ class Evidence:
         """When the frame was given to the modem, and when its sound began, ns."""
         self.ends_at: int | None = None
         """When its sound ends, ns, if the modem has reported it."""
-        self.answer: RecvEnd | None = None
+        self.answer: said.RecvEnd | None = None
         """The last sound received after it: for a message, its acknowledgement."""
         self._carriage = carriage
         self._session = session
@@ -72,7 +65,7 @@ class Evidence:
         """Discard the messages: they were not about this frame."""
         self.outcome, self.is_certain, self.words = None, False, ""
 
-    def handle(self, record: Notification, counter: int | None, now: int) -> Word | None:
+    def handle(self, record: said.Notification, counter: int | None, now: int) -> Word | None:
         """Take a notification.
 
         Args:
@@ -83,21 +76,21 @@ class Evidence:
         Returns:
             PROVEN or RUMOUR if it is about the end of the frame.
         """
-        if isinstance(record, SendStart) and self._carriage.begins(record):
+        if isinstance(record, said.SendStart) and self._carriage.begins(record):
             self.started_at = now + record.delay_us * 1000
             self.ends_at = self.started_at + record.duration_us * 1000
             self._has_begun = self.is_accepted
-        if isinstance(record, SendEnd) and not self._take_end(record, now):
+        if isinstance(record, said.SendEnd) and not self._take_end(record, now):
             return None
-        if isinstance(record, RecvEnd) and self._has_left:
+        if isinstance(record, said.RecvEnd) and self._has_left:
             self._has_heard = True
             self.answer = record
         outcome = self._carriage.verdict(record, counter)
         if outcome is None or self.is_certain or self.is_too_soon(now):
             return None
-        if isinstance(record, CanceledPbm) and not self.is_accepted:
+        if isinstance(record, said.CanceledPbm) and not self.is_accepted:
             return None
-        if isinstance(record, CanceledPbm) and self._has_begun:
+        if isinstance(record, said.CanceledPbm) and self._has_begun:
             outcome = TransmitOutcome.ABORTED
         self.outcome = outcome
         self.is_certain = self._is_certain(record)
@@ -110,7 +103,7 @@ class Evidence:
         is_message = self._carriage.service in (Service.IM, Service.IMS)
         return is_message and 2 * (now - self.given_at) < self._airtime_ns
 
-    def _take_end(self, record: SendEnd, now: int) -> bool:
+    def _take_end(self, record: said.SendEnd, now: int) -> bool:
         """Take the end of a sound; return whether it can be that of the frame."""
         session, carriage = self._session, self._carriage
         is_like_it = carriage.is_sound(record.kind, record.destination)
@@ -121,9 +114,9 @@ class Evidence:
             self.started_at = max(self.given_at, now - record.duration_us * 1000)
         return True
 
-    def _is_certain(self, record: Notification) -> bool:
+    def _is_certain(self, record: said.Notification) -> bool:
         if self._carriage.service is Service.PIGGYBACK:
-            return isinstance(record, CanceledPbm)
-        if self._carriage.service is Service.BURST or isinstance(record, SendEnd):
+            return isinstance(record, said.CanceledPbm)
+        if self._carriage.service is Service.BURST or isinstance(record, said.SendEnd):
             return True
-        return isinstance(record, DeliveredIm) and self._has_heard
+        return isinstance(record, said.DeliveredIm) and self._has_heard

@@ -27,17 +27,10 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import Transmission, TransmitOutcome, TransmitReport
+from zacoustic_evologics.at import notifications as said
 from zacoustic_evologics.at.commands import Command, Query, Set
 from zacoustic_evologics.at.encoder import encode_command
 from zacoustic_evologics.at.framing import Framing
-from zacoustic_evologics.at.notifications import (
-    Notification,
-    RecvEnd,
-    RecvFailed,
-    SendEnd,
-    SendStart,
-    Status,
-)
 from zacoustic_evologics.at.replies import (
     Accepted,
     DeliveryReply,
@@ -47,7 +40,7 @@ from zacoustic_evologics.at.replies import (
 )
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
 from zacoustic_evologics.driver.channel import FENCE, Answer, CommandChannel
-from zacoustic_evologics.driver.sending.answers import read_answer, said
+from zacoustic_evologics.driver.sending.answers import in_words, read_answer
 from zacoustic_evologics.driver.sending.evidence import Evidence
 from zacoustic_evologics.driver.sending.service import (
     DROP_MESSAGES,
@@ -61,7 +54,7 @@ from zacoustic_evologics.driver.sending.states import HAS_FRAME, TRANSITIONS, Ph
 from zacoustic_evologics.driver.sending.times import BURSTS_BUSY_S, BUSY_PAUSE_S, Timetable
 from zacoustic_evologics.driver.session.session import ModemSession
 
-_STIRRING: Final = (RecvEnd, RecvFailed, SendEnd, Status)
+_STIRRING: Final = (said.RecvEnd, said.RecvFailed, said.SendEnd, said.Status)
 
 
 class Sending:
@@ -114,7 +107,7 @@ class Sending:
         self._loss = ""
 
     @property
-    def answer(self) -> RecvEnd | None:
+    def answer(self) -> said.RecvEnd | None:
         """The sound of the acknowledgement, if the modem has reported it."""
         return self._evidence.answer
 
@@ -127,7 +120,7 @@ class Sending:
         """Take the answer to the command of `ticket`."""
         reply = answer.reply
         self.ticket = None
-        self._answer = said(reply) if reply is not None else "no answer"
+        self._answer = in_words(reply) if reply is not None else "no answer"
         if answer.command == DROP_MESSAGES and isinstance(reply, Accepted):
             self._session.has_piggyback = False
         if isinstance(reply, Accepted) and answer.command == Set(
@@ -166,7 +159,7 @@ class Sending:
         is_burst = self.carriage.service is Service.BURST
         return bool(self._doubted) and (is_burst or self._evidence.is_too_soon(now))
 
-    def handle_notification(self, record: Notification, now: int) -> None:
+    def handle_notification(self, record: said.Notification, now: int) -> None:
         """Take a message of the modem; most are about other matters."""
         if isinstance(record, _STIRRING):
             self._step(Word.STIRRED, now)
@@ -177,7 +170,7 @@ class Sending:
             word = Word.RETURNED
         if word is not None:
             self._step(word, now)
-        elif isinstance(record, SendStart) and self.phase is Phase.FLYING:
+        elif isinstance(record, said.SendStart) and self.phase is Phase.FLYING:
             self.due_at = self._first_poll_at(now)
 
     def handle_timeout(self, now: int) -> None:

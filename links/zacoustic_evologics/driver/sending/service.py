@@ -33,6 +33,7 @@ from typing import Final
 import msgspec
 
 from zacoustic.core.linktypes import BROADCAST, Transmission, TransmitOutcome
+from zacoustic_evologics.at import notifications as said
 from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.commands import (
     Act,
@@ -46,20 +47,6 @@ from zacoustic_evologics.at.commands import (
     SendPbm,
 )
 from zacoustic_evologics.at.fields import IM_LIMIT_BYTES
-from zacoustic_evologics.at.notifications import (
-    CanceledIm,
-    CanceledIms,
-    CanceledPbm,
-    Delivered,
-    DeliveredIm,
-    ExpiredIms,
-    Failed,
-    FailedIm,
-    ImFlag,
-    Notification,
-    SendEnd,
-    SendStart,
-)
 from zacoustic_evologics.at.replies import RefusalKind, Refused
 from zacoustic_evologics.driver.session.session import ModemSession
 
@@ -120,7 +107,7 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
             return SendIms(payload=payload, destination=to)
         if self.service is Service.PIGGYBACK:
             return SendPbm(payload=payload, destination=to)
-        flag = ImFlag.ACK if self.acknowledged else ImFlag.NOACK
+        flag = said.ImFlag.ACK if self.acknowledged else said.ImFlag.NOACK
         return SendIm(payload=payload, destination=to, flag=flag)
 
     def state_query(self) -> Query | Act:
@@ -136,7 +123,7 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
         """Return the command that makes the modem forget the frame."""
         return Act(Action.RESET, 1) if self.service is Service.BURST else DROP_MESSAGES
 
-    def begins(self, record: SendStart) -> bool:
+    def begins(self, record: said.SendStart) -> bool:
         """Tell whether this is the beginning of the frame's sound."""
         return self.is_sound(record.kind, record.destination)
 
@@ -145,7 +132,7 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
         is_named = self.service is Service.PIGGYBACK or kind == self.service.value
         return is_named and destination == self.destination
 
-    def verdict(self, record: Notification, counter: int | None) -> TransmitOutcome | None:
+    def verdict(self, record: said.Notification, counter: int | None) -> TransmitOutcome | None:
         """Return what a notification proves about the frame, if it is about it.
 
         Args:
@@ -155,23 +142,23 @@ class Carriage(msgspec.Struct, frozen=True, kw_only=True):
         if getattr(record, "destination", None) != self.destination:
             return None
         match self.service, record:
-            case Service.BURST, Delivered() if record.counter == counter:
+            case Service.BURST, said.Delivered() if record.counter == counter:
                 return TransmitOutcome.DELIVERED
-            case Service.BURST, Failed() if record.counter == counter:
+            case Service.BURST, said.Failed() if record.counter == counter:
                 return TransmitOutcome.NOT_DELIVERED
-            case Service.IM, DeliveredIm() if self.acknowledged:
+            case Service.IM, said.DeliveredIm() if self.acknowledged:
                 return TransmitOutcome.DELIVERED
-            case Service.IM, FailedIm() if self.acknowledged:
+            case Service.IM, said.FailedIm() if self.acknowledged:
                 return TransmitOutcome.NOT_DELIVERED
-            case (Service.IM, CanceledIm()) | (Service.IMS, CanceledIms()):
+            case (Service.IM, said.CanceledIm()) | (Service.IMS, said.CanceledIms()):
                 return TransmitOutcome.ABORTED
-            case Service.IMS, ExpiredIms():
+            case Service.IMS, said.ExpiredIms():
                 return TransmitOutcome.REJECTED
-            case Service.PIGGYBACK, SendEnd():
+            case Service.PIGGYBACK, said.SendEnd():
                 return TransmitOutcome.SENT
-            case Service.PIGGYBACK, CanceledPbm():
+            case Service.PIGGYBACK, said.CanceledPbm():
                 return TransmitOutcome.REJECTED
-            case _, SendEnd() if not self.acknowledged and record.kind == self.service.value:
+            case _, said.SendEnd() if not self.acknowledged and record.kind == self.service.value:
                 return TransmitOutcome.SENT
             case _:
                 return None

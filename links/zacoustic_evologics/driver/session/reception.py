@@ -18,23 +18,7 @@ from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST, LinkMetrics, ReceivedFrame, Service
-from zacoustic_evologics.at.notifications import (
-    AsyncError,
-    DropCount,
-    FaultKind,
-    ImFlag,
-    Notification,
-    Recv,
-    RecvEnd,
-    RecvFailed,
-    RecvIm,
-    RecvIms,
-    RecvPbm,
-    RecvStart,
-    SendEnd,
-    SendStart,
-    SourceLevel,
-)
+from zacoustic_evologics.at import notifications as said
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
 from zacoustic_evologics.driver.events import CarrierChanged, Event, FrameHeard, Measured
 from zacoustic_evologics.driver.session.measuring import (
@@ -49,7 +33,7 @@ CARRIER_LIMIT_S: Final = 3.0
 LEAST_REPEAT_S: Final = 0.1
 """No message follows an equal one sooner, whatever its reported duration: preambles are longer."""
 
-Received = RecvIm | RecvIms | RecvPbm | Recv
+Received = said.RecvIm | said.RecvIms | said.RecvPbm | said.Recv
 
 
 class Reception:
@@ -69,7 +53,7 @@ class Reception:
         # Number of reported sounds, and of those before the last message.
         self._sounds = self._sounds_before = 0
 
-    def handle(self, record: Notification, *, is_sending: bool, now: int) -> list[Event]:
+    def handle(self, record: said.Notification, *, is_sending: bool, now: int) -> list[Event]:
         """Take a notification.
 
         Args:
@@ -78,25 +62,25 @@ class Reception:
             now: The instant, ns.
         """
         session = self._session
-        if isinstance(record, RecvStart | RecvEnd | RecvFailed):
+        if isinstance(record, said.RecvStart | said.RecvEnd | said.RecvFailed):
             self._sounds += 1
-        if isinstance(record, SendStart) and session.answer_owed is not None:
+        if isinstance(record, said.SendStart) and session.answer_owed is not None:
             session.note_answering(record.destination)
         match record:
-            case RecvIm() | RecvIms() | RecvPbm() | Recv():
+            case said.RecvIm() | said.RecvIms() | said.RecvPbm() | said.Recv():
                 return self._receive(record, now)
-            case RecvStart():
+            case said.RecvStart():
                 return self._sense(True, now)
-            case SendStart() if not is_sending:
+            case said.SendStart() if not is_sending:
                 return self._sense(True, now)
-            case RecvEnd():
+            case said.RecvEnd():
                 self._note_signal(record.rssi_db, record.integrity)
                 return self._sense(False, now)
-            case RecvFailed():
+            case said.RecvFailed():
                 session.count("receptions_failed")
                 self._note_signal(record.rssi_db, record.integrity)
                 return self._sense(False, now)
-            case SendEnd() if not is_sending:
+            case said.SendEnd() if not is_sending:
                 return self._sense(False, now)
             case UsblLong():
                 session.note_position(record)
@@ -105,13 +89,13 @@ class Reception:
                 session.note_angles(record)
                 found = measured_direction(record, now)
                 return [Measured(found)] if found is not None else []
-            case SourceLevel():
+            case said.SourceLevel():
                 session.source_level = record.level
                 return [Measured(modem_read(session, now))]
-            case DropCount():
+            case said.DropCount():
                 session.count("raw_bytes_dropped", record.dropped_bytes)
-            case AsyncError():
-                overload = record.fault is FaultKind.OVERLOAD
+            case said.AsyncError():
+                overload = record.fault is said.FaultKind.OVERLOAD
                 session.count("overloads" if overload else "faults")
             case _:
                 pass
@@ -143,10 +127,10 @@ class Reception:
         if record.destination not in (session.address, BROADCAST):
             session.count("for_others")
             return events
-        is_asking = isinstance(record, RecvIm) and record.flag is ImFlag.ACK
-        if is_asking or isinstance(record, Recv):
+        is_asking = isinstance(record, said.RecvIm) and record.flag is said.ImFlag.ACK
+        if is_asking or isinstance(record, said.Recv):
             session.note_owed(record.source, now)
-        if isinstance(record, Recv):
+        if isinstance(record, said.Recv):
             session.note_burst(record.source, now)
         if self._is_repetition(record, now):
             session.count("repetitions")
@@ -164,7 +148,7 @@ class Reception:
             self._last[record.source] = record, now, self._sounds if is_told else -1
             return False
         self._last[record.source] = record, now, self._sounds if is_told else last_sounds
-        if isinstance(record, RecvIms) and isinstance(last, RecvIms):
+        if isinstance(record, said.RecvIms) and isinstance(last, said.RecvIms):
             return record.timestamp_us == last.timestamp_us
         duration_us = getattr(record, "duration_us", None) or 0
         least_ns = max(duration_us * 1000, seconds_to_ns(LEAST_REPEAT_S))
@@ -174,7 +158,7 @@ class Reception:
     def _frame(self, record: Received, now: int) -> ReceivedFrame:
         session = self._session
         delay_us = getattr(record, "propagation_us", None)
-        is_bulk = isinstance(record, Recv) and session.has_bulk
+        is_bulk = isinstance(record, said.Recv) and session.has_bulk
         propagation_s = delay_us / 1e6 if delay_us and delay_us > 0 else None
         if delay_us:
             session.note_delay(record.source, delay_us)

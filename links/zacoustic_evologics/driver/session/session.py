@@ -11,7 +11,7 @@ from zacoustic.core.linktypes import BulkService, LinkCapabilities, TransmitOutc
 from zacoustic_evologics.airtime import BIT_RATE_BPS, GAP_S, PREAMBLE_S, TURNAROUND_NS
 from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES, CLOCK_SPAN_US, IM_LIMIT_BYTES
 from zacoustic_evologics.at.framing import Interpreter
-from zacoustic_evologics.at.settings import SOURCE_LEVELS_DB
+from zacoustic_evologics.at.settings import KEYS, SOURCE_LEVELS_DB
 from zacoustic_evologics.at.usbl import UsblAngles, UsblLong
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL, EvologicsConfig
 
@@ -209,21 +209,9 @@ class ModemSession:
             parts.append("set " + ", ".join(self.changes))
         return ", ".join(parts)
 
-    def note_setting(self, name: str, value: int) -> None:
+    def note_setting(self, name: str, value: int | None) -> None:
         """Note the value of a setting, by its name in the commands."""
-        match name:
-            case "AM":
-                self.highest_address = value
-            case "AL":
-                self.address = value
-            case "L":
-                self.source_level = value
-            case "LC":
-                self.source_level_control = value
-            case "G":
-                self.gain = value
-            case _:
-                self.retries = value
+        setattr(self, KEYS[name], value)
 
     def note_delay(self, address: int, delay_us: int) -> None:
         """Note a measured propagation delay; 0 or less: none."""

@@ -17,23 +17,11 @@ from typing import Final, TypeAlias
 import msgspec
 
 from zacoustic.errors import LinkError
-from zacoustic_evologics.at import refusals
+from zacoustic_evologics.at import commands as asked
+from zacoustic_evologics.at import refusals, replies
 from zacoustic_evologics.at.answers import reply_text
-from zacoustic_evologics.at.commands import Act, Action, Command, Query, Set, SetOption
 from zacoustic_evologics.at.encoder import command_name
 from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
-from zacoustic_evologics.at.replies import (
-    Accepted,
-    CommandReply,
-    DeliveryReply,
-    DeliveryState,
-    Measurement,
-    ModeReply,
-    Number,
-    Refused,
-    TextReply,
-    state_words,
-)
 from zacoustic_evologics.at.settings import SETTINGS
 from zacoustic_evologics.config import IN_AIR_SOURCE_LEVEL
 from zacoustic_evologics.driver.channel import FENCE, CommandChannel
@@ -68,11 +56,11 @@ class Reached(msgspec.Struct, frozen=True):
     """The stage."""
 
 
-Step: TypeAlias = Command | Pause | Reached
+Step: TypeAlias = asked.Command | Pause | Reached
 """The next step of a start-up."""
-Stages: TypeAlias = Generator[Step, CommandReply | None, None]
+Stages: TypeAlias = Generator[Step, replies.CommandReply | None, None]
 """A start-up, or a part of one."""
-Question: TypeAlias = Generator[Step, CommandReply | None, CommandReply]
+Question: TypeAlias = Generator[Step, replies.CommandReply | None, replies.CommandReply]
 """A part of a start-up that returns a reply."""
 
 
@@ -111,7 +99,7 @@ def start_up(channel: CommandChannel, session: ModemSession) -> Stages:
     yield Reached(Input.CONFIGURED)
 
 
-def _ask(command: Command) -> Question:
+def _ask(command: asked.Command) -> Question:
     """Send a query, and repeat it once if there is no answer."""
     for _ in range(2):
         reply = yield command
@@ -127,7 +115,7 @@ def confirm(channel: CommandChannel) -> Stages:
         other = TCP_LINE_END if channel.line_end == SERIAL_LINE_END else SERIAL_LINE_END
         channel.line_end = other
         reply = yield from _ask(FENCE)
-    assert isinstance(reply, ModeReply)
+    assert isinstance(reply, replies.ModeReply)
     channel.interpreter = reply.interpreter
     if reply.interpreter is Interpreter.NET and channel.framing is Framing.PACKETS:
         raise StartupError("the modem says NET and talks as in data mode")
@@ -136,18 +124,18 @@ def confirm(channel: CommandChannel) -> Stages:
 def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
     """Leave command mode and the deaf state, and end a message under way."""
     if channel.interpreter is Interpreter.AT and channel.framing is Framing.LINES:
-        channel.tell(Act(Action.DATA_MODE))
+        channel.tell(asked.Act(asked.Action.DATA_MODE))
         channel.framing = Framing.PACKETS
         yield Pause(DATA_MODE_PAUSE_S)
         yield from _ask(FENCE)
     session.interpreter = channel.interpreter
     if session.needs_clearing and channel.framing is Framing.PACKETS:
-        yield from _ask(Act(Action.RESET, 4))
+        yield from _ask(asked.Act(asked.Action.RESET, 4))
     session.needs_clearing = False
-    state = state_words((yield from _ask(Query("S"))))
+    state = replies.state_words((yield from _ask(asked.Query("S"))))
     if any(word in state for word in DEAF_WORDS):
-        yield from _ask(Act(Action.LISTEN))
-        state = state_words((yield from _ask(Query("S"))))
+        yield from _ask(asked.Act(asked.Action.LISTEN))
+        state = replies.state_words((yield from _ask(asked.Query("S"))))
         if any(word in state for word in DEAF_WORDS):
             raise StartupError(f"the modem does not listen: {state}")
     yield from _await_landing()
@@ -159,8 +147,8 @@ def _leave(channel: CommandChannel, session: ModemSession) -> Stages:
 def _await_landing() -> Stages:
     """Wait until no earlier message is under way: its reports would be taken for those of ours."""
     for _ in range(FLIGHT_POLLS):
-        reply = yield from _ask(Query("DI"))
-        if not (isinstance(reply, DeliveryReply) and reply.state is DeliveryState.DELIVERING):
+        reply = yield from _ask(asked.Query("DI"))
+        if reply != replies.DeliveryReply(replies.DeliveryState.DELIVERING):
             return
         yield Pause(FLIGHT_POLL_S)
     yield from _ask(DROP_MESSAGES)
@@ -168,27 +156,25 @@ def _await_landing() -> Stages:
 
 def _read(session: ModemSession) -> Stages:
     """Read the modem's values; those that a firmware lacks stay unknown."""
-    firmware = yield from _ask(Act(Action.INFORMATION, 0))
-    session.firmware = firmware.text if isinstance(firmware, TextReply) else ""
+    firmware = yield from _ask(asked.Act(asked.Action.INFORMATION, 0))
+    session.firmware = firmware.text if isinstance(firmware, replies.TextReply) else ""
     address = yield from _ask_number("AL")
     if address is None:
         raise StartupError("the modem does not tell its address")
     session.address = address
     highest = yield from _ask_number("AM")
     session.highest_address = 254 if highest is None else highest
-    session.source_level = yield from _ask_number("L")
-    session.source_level_control = yield from _ask_number("LC")
-    session.gain = yield from _ask_number("G")
-    session.retries = yield from _ask_number("RI")
+    for name in ("L", "LC", "G", "RI"):
+        session.note_setting(name, (yield from _ask_number(name)))
     session.may_repeat = False
     session.sound_speed_m_s = yield from _ask_number("CA")
-    clock = yield from _ask(Query("CLOCK"))  # its instant: `StartupRun.handle_answer`
-    session.clock_us = clock.value if isinstance(clock, Number) else None
-    battery = yield from _ask(Query("BV"))
-    session.battery_v = battery.value if isinstance(battery, Measurement) else None
+    clock = yield from _ask(asked.Query("CLOCK"))  # its instant: `StartupRun.handle_answer`
+    session.clock_us = clock.value if isinstance(clock, replies.Number) else None
+    battery = yield from _ask(asked.Query("BV"))
+    session.battery_v = battery.value if isinstance(battery, replies.Measurement) else None
 
 
-def _ask_number(name: str) -> Generator[Step, CommandReply | None, int | None]:
+def _ask_number(name: str) -> Generator[Step, replies.CommandReply | None, int | None]:
     """Query a number until two answers agree; None: it is not known.
 
     If a port damages bytes, one digit is no proof, and much depends on these numbers.
@@ -196,11 +182,11 @@ def _ask_number(name: str) -> Generator[Step, CommandReply | None, int | None]:
     setting = SETTINGS.get(name)
     seen: list[int | None] = []
     for _ in range(NUMBER_READINGS):
-        reply = yield from _ask(Query(name))
+        reply = yield from _ask(asked.Query(name))
         value = None
-        if isinstance(reply, Number) and (setting is None or setting.allows(reply.value)):
+        if isinstance(reply, replies.Number) and (setting is None or setting.allows(reply.value)):
             value = reply.value
-        elif not isinstance(reply, Refused):
+        elif not isinstance(reply, replies.Refused):
             continue
         if value in seen:
             return value
@@ -216,26 +202,26 @@ def _configure(session: ModemSession) -> Stages:
     wanted = _wanted(session)
     session.changes = []
     if wanted:
-        yield from _ask(SetOption("CTRL"))  # older firmware neither knows nor needs it
+        yield from _ask(asked.SetOption("CTRL"))  # older firmware neither knows nor needs it
     for setting, before in wanted:
         yield from _change(session, setting, before)
     _check(session)
     config = session.config
     session.has_extended_notifications = session.has_usbl = False
     if config.extended_notifications:
-        reply = yield from _ask(SetOption("ZX", 1))
-        session.has_extended_notifications = isinstance(reply, Accepted)
+        reply = yield from _ask(asked.SetOption("ZX", 1))
+        session.has_extended_notifications = isinstance(reply, replies.Accepted)
     if config.usbl:
-        reply = yield from _ask(SetOption("ZU", 1))
-        session.has_usbl = isinstance(reply, Accepted)
+        reply = yield from _ask(asked.SetOption("ZU", 1))
+        session.has_usbl = isinstance(reply, replies.Accepted)
 
 
-def _change(session: ModemSession, setting: Set, before: int | None) -> Stages:
+def _change(session: ModemSession, setting: asked.Set, before: int | None) -> Stages:
     """Change a setting and read it back, twice at most: a restarting modem forgets the first."""
-    refusal: Refused | None = None
+    refusal: replies.Refused | None = None
     for _ in range(2):
         reply = yield from _ask(setting)
-        refusal = reply if isinstance(reply, Refused) else None
+        refusal = reply if isinstance(reply, replies.Refused) else None
         if refusal is not None:
             continue
         value = yield from _ask_number(setting.name)
@@ -247,14 +233,14 @@ def _change(session: ModemSession, setting: Set, before: int | None) -> Stages:
         _refuse(setting, refusal)
 
 
-def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:
+def _wanted(session: ModemSession) -> list[tuple[asked.Set, int | None]]:
     """Return the settings to change, with their present values."""
     config = session.config
-    wanted: list[tuple[Set, int | None]] = []
+    wanted: list[tuple[asked.Set, int | None]] = []
 
     def want(name: str, now: int | None, value: int | None) -> None:
         if value is not None and now != value:
-            wanted.append((Set(name, value), now))
+            wanted.append((asked.Set(name, value), now))
 
     want("AM", session.highest_address, config.highest_address)
     if config.set_address:
@@ -268,7 +254,7 @@ def _wanted(session: ModemSession) -> list[tuple[Set, int | None]]:
     return wanted
 
 
-def _refuse(setting: Set, reply: Refused) -> None:
+def _refuse(setting: asked.Set, reply: replies.Refused) -> None:
     """Accept the refusal of a setting if the driver can do without; otherwise raise."""
     if setting.name in ("RI", "LC"):
         # Without the first there are no acknowledgements (`ModemSession.acknowledges`); without

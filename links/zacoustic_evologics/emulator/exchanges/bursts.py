@@ -14,20 +14,11 @@ from typing import Final
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic_evologics.airtime import burst_airtime_ns, service_airtime_ns
+from zacoustic_evologics.at import notifications as said
 from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.commands import SendBurst
 from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES
 from zacoustic_evologics.at.messages import RawData
-from zacoustic_evologics.at.notifications import (
-    BitRate,
-    Delivered,
-    Direction,
-    DropCount,
-    Failed,
-    Recv,
-    RemoteAddress,
-    Status,
-)
 from zacoustic_evologics.at.replies import Accepted, Refused
 from zacoustic_evologics.emulator.exchanges.exchange import Ending, Exchange
 from zacoustic_evologics.emulator.exchanges.instant import InstantMessages, check_message
@@ -95,7 +86,7 @@ class Bursts:
             if not is_sendable or not self.pool.put(packet, remote, origin.port_id):
                 dropped = len(content) - start
                 self._chassis.measured.dropped_bytes += dropped
-                self._chassis.say(DropCount(dropped))
+                self._chassis.say(said.DropCount(dropped))
                 break
         self.look(now)
 
@@ -172,7 +163,7 @@ class Bursts:
                 continue
             self._chassis.say(
                 hearing.told(
-                    Recv,
+                    said.Recv,
                     payload=packet.payload,
                     bit_rate_bps=signal.bit_rate_bps,
                     propagation_us=hearing.propagation_us,
@@ -216,9 +207,9 @@ class Bursts:
         self._exchange = None
         if ending is Ending.ANSWERED:
             self._peer = destination
-            self._chassis.say(RemoteAddress(destination))
-            self._chassis.say(BitRate(Direction.LOCAL, self._chassis.measured.local_bps))
-            self._chassis.say(Status("ONLINE", "CONNECTED"))
+            self._chassis.say(said.RemoteAddress(destination))
+            self._chassis.say(said.BitRate(said.Direction.LOCAL, self._chassis.measured.local_bps))
+            self._chassis.say(said.Status("ONLINE", "CONNECTED"))
             self.look(now)
         else:
             self._lose(destination, now)
@@ -255,7 +246,7 @@ class Bursts:
             if item.packet.is_raw:
                 self._chassis.measured.delivered_raw_bytes += len(item.packet.payload)
             else:
-                report = Delivered(counter=item.counter, destination=destination)
+                report = said.Delivered(counter=item.counter, destination=destination)
                 self._chassis.say(report, item.port_id)
         self.look(now)
 
@@ -276,31 +267,31 @@ class Bursts:
         """Give a connection up, with all data queued for it."""
         lost = self.pool.take_all(destination)
         self._peer = self._wanted = None
-        self._chassis.say(Status("OFFLINE", "CONNECTION_FAILED"))
+        self._chassis.say(said.Status("OFFLINE", "CONNECTION_FAILED"))
         self._fail(lost)
         longest_ns = self._chassis.behaviour.backoff_share * self._chassis.store["RT"] * 1e6
         pause_ns = round(self._chassis.rng.random() * longest_ns)
         self._transducer.backoff_until = now + pause_ns
-        self._chassis.say(Status("BACKOFF", "CONNECTION_FAILED"))
+        self._chassis.say(said.Status("BACKOFF", "CONNECTION_FAILED"))
         over_at = self._transducer.backoff_until
         self._chassis.agenda.push(over_at, self._end_backoff, over_at)
 
     def _end_backoff(self, now: int) -> None:
-        self._chassis.say(Status("INITIATION", "LISTEN"))
+        self._chassis.say(said.Status("INITIATION", "LISTEN"))
         self.look(now)
 
     def _fail(self, items: Iterable[Queued]) -> None:
         for item in items:
             if item.packet.is_raw:
                 self._chassis.measured.dropped_bytes += len(item.packet.payload)
-                self._chassis.say(DropCount(len(item.packet.payload)))
+                self._chassis.say(said.DropCount(len(item.packet.payload)))
             else:
-                report = Failed(counter=item.counter, destination=item.destination)
+                report = said.Failed(counter=item.counter, destination=item.destination)
                 self._chassis.say(report, item.port_id)
 
     def _close(self) -> None:
         self._held_until = None
         if self._peer is not None:
             self._peer = None
-            self._chassis.say(Status("OFFLINE", "CLOSED"))
-            self._chassis.say(Status("INITIATION", "LISTEN"))
+            self._chassis.say(said.Status("OFFLINE", "CLOSED"))
+            self._chassis.say(said.Status("INITIATION", "LISTEN"))

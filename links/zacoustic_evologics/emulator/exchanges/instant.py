@@ -10,19 +10,10 @@ from typing import Final
 from zacoustic.channel.agenda import Entry
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic_evologics.airtime import PREPARATION_NS, im_airtime_ns
+from zacoustic_evologics.at import notifications as said
 from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.commands import PayloadCommand, SendIm, SendIms, SendPbm
 from zacoustic_evologics.at.fields import CLOCK_SPAN_US
-from zacoustic_evologics.at.notifications import (
-    CanceledIm,
-    CanceledIms,
-    CanceledPbm,
-    DeliveredIm,
-    ExpiredIms,
-    FailedIm,
-    ImFlag,
-    Notification,
-)
 from zacoustic_evologics.at.replies import Accepted, DeliveryState, Refused
 from zacoustic_evologics.at.table import COMMANDS
 from zacoustic_evologics.emulator.exchanges.exchange import Ending, Exchange, ExchangeState
@@ -61,7 +52,7 @@ class InstantMessages:
         if refused is not None:
             return refused
         retries = self._chassis.store["RI"]
-        is_acknowledged = command.flag is ImFlag.ACK
+        is_acknowledged = command.flag is said.ImFlag.ACK
         self.state = DeliveryState.DELIVERING
         self._owner = origin.port_id
         self._exchange = Exchange(
@@ -70,7 +61,7 @@ class InstantMessages:
             self._signal(SignalKind.IM, command, origin),
             answer=SignalKind.ACK if is_acknowledged else None,
             attempts=None if is_acknowledged and retries == FOR_EVER else 1 + retries,
-            force=command.flag is ImFlag.FORCE,
+            force=command.flag is said.ImFlag.FORCE,
             ended=self._end,
         )
         self.look(now)
@@ -81,7 +72,7 @@ class InstantMessages:
         refused = check_message(self._chassis, self._transducer, command)
         transducer = self._transducer
         if refused is None and command.start_us is None:
-            refused = self._make_room(ImFlag.NOACK, now)
+            refused = self._make_room(said.ImFlag.NOACK, now)
             if transducer.is_transmitting(now):
                 refused = refused or refusals.BACKOFF
         if refused is not None:
@@ -94,7 +85,7 @@ class InstantMessages:
             wait_us = (command.start_us - self._chassis.clock_us(now)) % CLOCK_SPAN_US
             if wait_us >= CLOCK_SPAN_US // 2:
                 self.state = DeliveryState.EXPIRED
-                self._chassis.say(ExpiredIms(command.destination), origin.port_id)
+                self._chassis.say(said.ExpiredIms(command.destination), origin.port_id)
                 return Accepted()
             # The clock ticks with the microseconds of `now`.
             starts_at = (now // 1000 + wait_us) * 1000
@@ -152,11 +143,11 @@ class InstantMessages:
         self._scheduled = None
         self._piggybacks.clear()
 
-    def _make_room(self, flag: ImFlag, now: int) -> Refused | None:
+    def _make_room(self, flag: said.ImFlag, now: int) -> Refused | None:
         behaviour = self._chassis.behaviour
         if self._exchange is not None and behaviour.second_im == "busy":
             return refusals.DELIVERING
-        if flag is not ImFlag.FORCE:
+        if flag is not said.ImFlag.FORCE:
             if behaviour.im_in_train == "refused" and self.has_bursts():
                 return refusals.BACKOFF
             transducer = self._transducer
@@ -172,12 +163,12 @@ class InstantMessages:
         assert self._exchange is not None
         destination = self._exchange.signal.destination
         self._exchange = None
-        report: Notification | None = None
+        report: said.Notification | None = None
         self.state = DeliveryState.EMPTY
         if ending is Ending.ANSWERED:
-            report = DeliveredIm(destination)
+            report = said.DeliveredIm(destination)
         elif ending is Ending.UNANSWERED:
-            report = FailedIm(destination)
+            report = said.FailedIm(destination)
             self.state = DeliveryState.FAILED
         if report is not None:
             self._chassis.say(report, self._owner)
@@ -189,19 +180,19 @@ class InstantMessages:
             is_sent = exchange.state is ExchangeState.SENDING and not exchange.is_acknowledged
             exchange.cancel()
             if not is_sent:
-                self._chassis.say(CanceledIm(exchange.signal.destination), self._owner)
+                self._chassis.say(said.CanceledIm(exchange.signal.destination), self._owner)
 
     def _cancel_piggyback(self, destination: int) -> None:
         kept = self._piggybacks.pop(destination, None)
         if kept is not None:
-            self._chassis.say(CanceledPbm(destination), kept[0])
+            self._chassis.say(said.CanceledPbm(destination), kept[0])
 
     def _drop_scheduled(self) -> None:
         scheduled, self._scheduled = self._scheduled, None
         if scheduled is not None:
             signal, port_id, entry = scheduled
             self._chassis.agenda.cancel(entry)
-            self._chassis.say(CanceledIms(signal.destination), port_id)
+            self._chassis.say(said.CanceledIms(signal.destination), port_id)
 
     def _schedule(self, signal: Signal, port_id: int, starts_at: int, now: int) -> None:
         agenda = self._chassis.agenda
@@ -214,7 +205,7 @@ class InstantMessages:
         def start() -> None:
             self._scheduled = None
             if self._transducer.is_transmitting(starts_at) or not self._transducer.is_on:
-                self._chassis.say(CanceledIms(signal.destination), port_id)
+                self._chassis.say(said.CanceledIms(signal.destination), port_id)
             else:
                 self._transducer.transmit(signal, starts_at, is_announced=True)
 
@@ -233,7 +224,7 @@ class InstantMessages:
             duration_ns=im_airtime_ns(len(command.payload) + piggyback_bytes),
             number=self._chassis.next_number(),
             payload=command.payload,
-            flag=command.flag if isinstance(command, SendIm) else ImFlag.NOACK,
+            flag=command.flag if isinstance(command, SendIm) else said.ImFlag.NOACK,
             pid=origin.pid if command.pid is None else command.pid,
             piggyback=piggyback,
             level=self._chassis.store["L"],

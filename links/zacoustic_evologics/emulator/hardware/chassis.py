@@ -28,7 +28,7 @@ class Behaviour(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Choices where sources disagree; a test may want others."""
 
     firmware: Firmware = "1.9"
-    """Version of the firmware; see `firmware`."""
+    """Version of the firmware; see `at.firmware`."""
 
     second_im: Literal["busy", "cancel"] = "busy"
     """An instant message while another one is under way: BUSY, or it replaces the other."""

@@ -50,7 +50,7 @@ class Actions:
         self._bursts = bursts
         self._answers = answers
 
-    def act(self, command: Act, origin: Origin, now: int) -> CommandReply:
+    def act(self, origin: Origin, command: Act, now: int) -> CommandReply:
         """Execute an action and return the reply."""
         action, value = command.action, command.value
         match action:

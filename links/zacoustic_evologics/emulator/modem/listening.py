@@ -3,16 +3,8 @@
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic_evologics.airtime import TURNAROUND_NS, service_airtime_ns
+from zacoustic_evologics.at import notifications as said
 from zacoustic_evologics.at.firmware import IM_BIT_RATE_BPS, tells_delays
-from zacoustic_evologics.at.notifications import (
-    ImFlag,
-    Notification,
-    RecvIm,
-    RecvIms,
-    RecvPbm,
-    RecvProbe,
-    RecvSrv,
-)
 from zacoustic_evologics.emulator.exchanges.bursts import Bursts
 from zacoustic_evologics.emulator.exchanges.instant import InstantMessages
 from zacoustic_evologics.emulator.exchanges.usblhead import UsblHead
@@ -72,10 +64,10 @@ class Listener:
             self._report(hearing)
         if not is_reported:
             kind = signal.kind.value
-            self._chassis.say(hearing.told(RecvSrv, kind=kind, decoded=1, transmitted=1))
+            self._chassis.say(hearing.told(said.RecvSrv, kind=kind, decoded=1, transmitted=1))
         if is_reported and signal.piggyback is not None:
             self._chassis.say(self._piggyback_record(hearing))
-        is_asking = signal.kind is not SignalKind.IM or signal.flag is ImFlag.ACK
+        is_asking = signal.kind is not SignalKind.IM or signal.flag is said.ImFlag.ACK
         if is_mine and signal.kind in _ANSWERS and is_asking:
             self._owe_answer(hearing)
 
@@ -96,31 +88,33 @@ class Listener:
                 self._chassis.say(record)
         self._head.measure_angles(hearing)
 
-    def _record(self, hearing: Hearing) -> Notification:
+    def _record(self, hearing: Hearing) -> said.Notification:
         signal = hearing.signal
         started_us = self._chassis.clock_us(hearing.starts_at)
         payload = hearing.reception.damage(signal.payload)
         if signal.kind is SignalKind.PROBE:
             duration_us = hearing.duration_ns // 1000
             return hearing.told(
-                RecvProbe, bit=signal.bit, timestamp_us=started_us, duration_us=duration_us
+                said.RecvProbe, bit=signal.bit, timestamp_us=started_us, duration_us=duration_us
             )
         if signal.kind is SignalKind.IMS:
             return hearing.told(
-                RecvIms,
+                said.RecvIms,
                 payload=payload,
                 timestamp_us=started_us,
                 duration_us=signal.duration_ns // 1000,
                 pid=signal.pid,
             )
         timing = self._timing(signal)
-        return hearing.told(RecvIm, payload=payload, flag=signal.flag, pid=signal.pid, **timing)
+        return hearing.told(
+            said.RecvIm, payload=payload, flag=signal.flag, pid=signal.pid, **timing
+        )
 
-    def _piggyback_record(self, hearing: Hearing) -> RecvPbm:
+    def _piggyback_record(self, hearing: Hearing) -> said.RecvPbm:
         carried = hearing.signal.piggyback
         assert carried is not None
         timing = self._timing(hearing.signal)
-        return hearing.told(RecvPbm, payload=carried.payload, pid=carried.pid, **timing)
+        return hearing.told(said.RecvPbm, payload=carried.payload, pid=carried.pid, **timing)
 
     def _timing(self, signal: Signal) -> dict[str, int]:
         """Return a firmware's timing fields: a delay is that of the last exchange, 0 for none."""

@@ -7,33 +7,19 @@ Its inputs are commands (`handle_command`), raw data (`handle_raw`), sounds (`ha
 
 The parts, from the bottom up: `chassis` (settings, clocks), `transducer` (one signal at a time),
 `exchange` (a signal until it is answered), `instant` and `bursts` (the services), `usblhead`,
-`levelcontrol`, `listening` (receptions), `queries` (answers). `firmware` has the differences
+`levelcontrol`, `listening` (receptions), `queries` (answers). `at.firmware` has the differences
 between versions of the modem.
 """
 
 import random
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any, Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
 from zacoustic_evologics.airtime import ACKNOWLEDGEMENT_NS
+from zacoustic_evologics.at import commands as asked
 from zacoustic_evologics.at import refusals
-from zacoustic_evologics.at.commands import (
-    Act,
-    Action,
-    Command,
-    ExtensionCommand,
-    Help,
-    InvalidCommand,
-    Query,
-    SendBurst,
-    SendIm,
-    SendIms,
-    SendPbm,
-    SendProbe,
-    Set,
-    SetOption,
-)
 from zacoustic_evologics.at.firmware import Firmware
 from zacoustic_evologics.at.messages import Noise
 from zacoustic_evologics.at.notifications import PhyOn
@@ -57,6 +43,8 @@ from zacoustic_evologics.emulator.modem.actions import Actions
 from zacoustic_evologics.emulator.modem.levelcontrol import LevelControl
 from zacoustic_evologics.emulator.modem.listening import Listener
 from zacoustic_evologics.emulator.modem.queries import Answers, help_text
+
+_RESTARTS: Final = asked.Act(asked.Action.RESET), asked.Act(asked.Action.RESET, 0)
 
 
 class EmulatedModem:
@@ -91,6 +79,19 @@ class EmulatedModem:
             self._chassis, self._transducer, self._instant, self._bursts, self._answers
         )
 
+        self._handlers: dict[type, Callable[[Origin, Any, int], CommandReply | Noise]] = {
+            asked.SendIm: self._instant.send_im,
+            asked.SendIms: self._instant.send_ims,
+            asked.SendPbm: self._instant.send_pbm,
+            asked.SendBurst: self._bursts.send,
+            asked.SendProbe: self._send_probe,
+            asked.Query: self._answers.answer,
+            asked.Set: self._answers.change,
+            asked.SetOption: self._answers.change_option,
+            asked.Act: self._actions.act,
+            asked.Help: help_text,
+        }
+
     @property
     def address(self) -> int:
         """Network address, the answer to `AT?AL`."""
@@ -113,13 +114,17 @@ class EmulatedModem:
         """Note that a port is gone."""
         self._answers.close_port(port_id)
 
-    def handle_command(self, origin: Origin, command: Command, now: int) -> None:
+    def handle_command(self, origin: Origin, command: asked.Command, now: int) -> None:
         """Take a command; exactly one reply precedes its effects, or there is no reply at all."""
         if not self.is_up:
             return
         chassis = self._chassis
         before = len(chassis.outputs)
-        if isinstance(command, Act) and command.action is Action.RESET and not command.value:
+        if (
+            isinstance(command, asked.Act)
+            and command.action is asked.Action.RESET
+            and not command.value
+        ):
             self.restart(now)
             return
         reply = self._execute(origin, command, now)
@@ -189,34 +194,13 @@ class EmulatedModem:
         self._instant.look(now)
         self._bursts.look(now)
 
-    def _execute(self, origin: Origin, command: Command, now: int) -> CommandReply | Noise | None:
-        match command:
-            case SendIm():
-                return self._instant.send_im(origin, command, now)
-            case SendIms():
-                return self._instant.send_ims(origin, command, now)
-            case SendPbm():
-                return self._instant.send_pbm(origin, command, now)
-            case SendBurst():
-                return self._bursts.send(origin, command, now)
-            case SendProbe():
-                return self._send_probe(command, now)
-            case Query():
-                return self._answers.answer(command, origin, now)
-            case Set():
-                return self._answers.change(command, origin, now)
-            case SetOption():
-                return self._answers.change_option(command, origin, now)
-            case Act():
-                return self._actions.act(command, origin, now)
-            case Help():
-                return help_text(command.key)
-            case ExtensionCommand() | InvalidCommand():
-                return refusals.UNKNOWN_COMMAND
-            case _:
-                return Accepted()
+    def _execute(
+        self, origin: Origin, command: asked.Command, now: int
+    ) -> CommandReply | Noise | None:
+        handler = self._handlers.get(type(command))
+        return refusals.UNKNOWN_COMMAND if handler is None else handler(origin, command, now)
 
-    def _send_probe(self, command: SendProbe, now: int) -> CommandReply:
+    def _send_probe(self, origin: Origin, command: asked.SendProbe, now: int) -> CommandReply:
         transducer = self._transducer
         if not transducer.is_on:
             return refusals.PHY_OFF

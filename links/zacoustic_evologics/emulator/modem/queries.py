@@ -4,24 +4,12 @@ import math
 from collections.abc import Callable
 from typing import Final
 
-from zacoustic_evologics.at import refusals
-from zacoustic_evologics.at.commands import Query, Set, SetOption
+from zacoustic_evologics.at import refusals, replies
+from zacoustic_evologics.at.commands import Help, Query, Set, SetOption
 from zacoustic_evologics.at.firmware import knows_control
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.messages import Noise
 from zacoustic_evologics.at.notifications import ClockOffset, RemoteAddress
-from zacoustic_evologics.at.replies import (
-    Accepted,
-    CommandReply,
-    DeliveryReply,
-    LinkStatus,
-    Measurement,
-    MultipathReply,
-    NetStatus,
-    Number,
-    Path,
-    TextReply,
-)
 from zacoustic_evologics.at.settings import SETTINGS
 from zacoustic_evologics.emulator.exchanges.bursts import Bursts
 from zacoustic_evologics.emulator.exchanges.instant import InstantMessages
@@ -30,8 +18,8 @@ from zacoustic_evologics.emulator.hardware.transducer import PhyState, Transduce
 
 _BATTERY_V: Final = 24.1
 _PATHS: Final = 8
-_FIRST_PATH: Final = Path(0, 240)
-_NO_PATH: Final = Path(0, 0)
+_FIRST_PATH: Final = replies.Path(0, 240)
+_NO_PATH: Final = replies.Path(0, 0)
 _NOISE: Final = Noise(first=250_000, second=0, third=-85, payload=bytes(64))
 
 
@@ -76,22 +64,22 @@ class Answers:
             "BV": lambda: _BATTERY_V,
         }
 
-    def answer(self, query: Query, origin: Origin, now: int) -> CommandReply | Noise:
+    def answer(self, origin: Origin, query: Query, now: int) -> replies.CommandReply | Noise:
         """`AT?…`, except for queries about the port."""
         name = query.name
         if name in self._numbers:
-            return Number(self._numbers[name]())
+            return replies.Number(self._numbers[name]())
         if name in self._decimals:
-            return Measurement(self._decimals[name]())
+            return replies.Measurement(self._decimals[name]())
         match name:
             case "S":
                 return self._status(origin)
             case "DI":
-                return DeliveryReply(self._instant.state)
+                return replies.DeliveryReply(self._instant.state)
             case "CLOCK":
-                return Number(self._chassis.clock_us(now))
+                return replies.Number(self._chassis.clock_us(now))
             case "UT" | "UTX":
-                return Number(self._chassis.system_us(now) // 1_000_000)
+                return replies.Number(self._chassis.system_us(now) // 1_000_000)
             case "P":
                 return self._multipath()
             case "UP":
@@ -101,13 +89,13 @@ class Answers:
             case "NOISE":
                 return _NOISE
             case "CTRL" if knows_control(self._chassis.behaviour.firmware):
-                return Number(int(self.controller == origin.port_id))
+                return replies.Number(int(self.controller == origin.port_id))
             case _ if name in self._chassis.store:
-                return Number(self._chassis.store[name])
+                return replies.Number(self._chassis.store[name])
             case _:
                 return refusals.UNKNOWN_COMMAND
 
-    def change(self, command: Set, origin: Origin, now: int) -> CommandReply:
+    def change(self, origin: Origin, command: Set, now: int) -> replies.CommandReply:
         """`AT!…`."""
         name = command.name
         if name not in self._chassis.store:
@@ -122,14 +110,14 @@ class Answers:
             before_us = self._chassis.system_us(now)
             self._chassis.set_system_s(command.value, now)
             self._chassis.say(ClockOffset(self._chassis.system_us(now) - before_us))
-            return Accepted()
+            return replies.Accepted()
         if not self._chassis.store.change(name, command.value):
             return refusals.OUT_OF_RANGE
         if name == "AR":
             self._chassis.say(RemoteAddress(command.value))
-        return Accepted()
+        return replies.Accepted()
 
-    def change_option(self, command: SetOption, origin: Origin, now: int) -> CommandReply:
+    def change_option(self, origin: Origin, command: SetOption, now: int) -> replies.CommandReply:
         """`AT@…`, except for options of the port."""
         has_control = knows_control(self._chassis.behaviour.firmware)
         match command.name, command.value:
@@ -137,14 +125,14 @@ class Answers:
                 if origin.pid != 0:
                     return refusals.NO_CONTROL
                 self.controller = origin.port_id
-                return Accepted()
+                return replies.Accepted()
             case "ZD", None:
                 self._chassis.measured.dropped_bytes = 0
-                return Accepted()
+                return replies.Accepted()
             case "ZO", None:
-                return Accepted()
+                return replies.Accepted()
             case "ZL", int(size):
-                return self.change(Set("ZL", size), origin, now)
+                return self.change(origin, Set("ZL", size), now)
             case _:
                 return refusals.WRONG_FORMAT
 
@@ -164,14 +152,14 @@ class Answers:
             return not self._chassis.behaviour.strict_control
         return self.controller == origin.port_id
 
-    def _status(self, origin: Origin) -> CommandReply:
+    def _status(self, origin: Origin) -> replies.CommandReply:
         state = self._transducer.state.value
         if self._transducer.state is PhyState.LISTEN:
             state = self._bursts.state or state
         free_bytes = self._bursts.pool.free_bytes
         if origin.interpreter is Interpreter.AT:
-            return LinkStatus(state, (free_bytes,))
-        return NetStatus(
+            return replies.LinkStatus(state, (free_bytes,))
+        return replies.NetStatus(
             local_address=self._chassis.address,
             remote_address=self._chassis.store["AR"],
             state=state,
@@ -179,21 +167,21 @@ class Answers:
             promiscuous=self._chassis.store["RP"] == 1,
         )
 
-    def _multipath(self) -> MultipathReply:
+    def _multipath(self) -> replies.MultipathReply:
         """Return the direct path and its weaker echoes; none before the first reception."""
         if not self._chassis.measured.integrity:
-            return MultipathReply((_NO_PATH,) * _PATHS)
+            return replies.MultipathReply((_NO_PATH,) * _PATHS)
         echoes = tuple(
-            Path(round(400 * math.sqrt(order)) * order, _FIRST_PATH.strength >> order)
+            replies.Path(round(400 * math.sqrt(order)) * order, _FIRST_PATH.strength >> order)
             for order in range(1, 4)
         )
-        return MultipathReply((_FIRST_PATH, *echoes, *(_NO_PATH,) * (_PATHS - 4)))
+        return replies.MultipathReply((_FIRST_PATH, *echoes, *(_NO_PATH,) * (_PATHS - 4)))
 
 
-def help_text(key: str) -> TextReply:
+def help_text(origin: Origin, command: Help, now: int) -> replies.TextReply:
     """`AT…$`."""
-    setting = SETTINGS.get(key.lstrip("?!@&%*"))
+    setting = SETTINGS.get(command.key.lstrip("?!@&%*"))
     if setting is None:
-        return TextReply(f"{key}: no help\n")
+        return replies.TextReply(f"{command.key}: no help\n")
     label = setting.label or setting.name
-    return TextReply(f"{key}: {label}\nrange: {setting.low}..{setting.high}\n")
+    return replies.TextReply(f"{command.key}: {label}\nrange: {setting.low}..{setting.high}\n")

@@ -10,20 +10,10 @@ from typing import Final
 
 import msgspec
 
+from zacoustic_evologics.at import commands as asked
 from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.answers import reply_text
 from zacoustic_evologics.at.command_decoder import CommandDecoder, CommandMessage
-from zacoustic_evologics.at.commands import (
-    Act,
-    Action,
-    Command,
-    Escape,
-    InvalidCommand,
-    PayloadCommand,
-    Query,
-    Set,
-    SetOption,
-)
 from zacoustic_evologics.at.encoder import command_name, encode_message
 from zacoustic_evologics.at.firmware import Firmware, knows_external_clock
 from zacoustic_evologics.at.framing import Framing, Interpreter
@@ -132,7 +122,7 @@ class Port:
             self._eclk_at = now
         return is_due
 
-    def take(self, message: CommandMessage) -> Command | RawData | CommandReply | None:
+    def take(self, message: CommandMessage) -> asked.Command | RawData | CommandReply | None:
         """Take a message of the host.
 
         Returns:
@@ -141,33 +131,35 @@ class Port:
         match message:
             case RawData():
                 return message
-            case InvalidCommand():
+            case asked.InvalidCommand():
                 self._asked = message.name
                 return message.mistake.value
-            case Escape():
+            case asked.Escape():
                 self._framing = Framing.LINES
                 return Accepted()
         self._asked = command_name(message)
         match message:
-            case Query(name) | Set(name) | SetOption(name) if name in self._unknown:
+            case asked.Query(name) | asked.Set(name) | asked.SetOption(name) if (
+                name in self._unknown
+            ):
                 return refusals.WRONG_FORMAT
-            case Query("MODE"):
+            case asked.Query("MODE"):
                 return ModeReply(self.interpreter)
-            case Query("PID"):
+            case asked.Query("PID"):
                 return Number(self._options["ZS"])
-            case Query("ZSL"):
+            case asked.Query("ZSL"):
                 return TextReply(f"{self.port_id} {self.interpreter.value} {self._options['ZS']}\n")
-            case Query(name) if name in PORT_OPTIONS:
+            case asked.Query(name) if name in PORT_OPTIONS:
                 return Number(self._options[name])
-            case Query("ECLK"):
+            case asked.Query("ECLK"):
                 return Number(self._options["ZA"])
-            case Set(name, value) if name in PORT_OPTIONS:
+            case asked.Set(name, value) if name in PORT_OPTIONS:
                 return self._set(name, value)
-            case SetOption(name, value) if name in PORT_OPTIONS and value is not None:
+            case asked.SetOption(name, value) if name in PORT_OPTIONS and value is not None:
                 return self._set(name, value)
-            case Act(Action.COMMAND_MODE | Action.DATA_MODE as action):
+            case asked.Act(asked.Action.COMMAND_MODE | asked.Action.DATA_MODE as action):
                 return self._switch(action)
-        if isinstance(message, PayloadCommand) and message.pid is not None:
+        if isinstance(message, asked.PayloadCommand) and message.pid is not None:
             if not COMMANDS[type(message)].allows(message, "pid"):
                 return refusals.PROTOCOL_ID
             if not self._options["ZF"]:
@@ -202,10 +194,10 @@ class Port:
         self._eclk_at = self._read_at
         return Accepted()
 
-    def _switch(self, action: Action) -> CommandReply | None:
+    def _switch(self, action: asked.Action) -> CommandReply | None:
         if self.interpreter is Interpreter.NET:
             return refusals.UNKNOWN_COMMAND
-        if action is Action.COMMAND_MODE:
+        if action is asked.Action.COMMAND_MODE:
             self._framing = Framing.LINES
             return Accepted()
         self._framing = Framing.PACKETS
