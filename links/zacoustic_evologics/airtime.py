@@ -59,6 +59,8 @@ _TABLE_US: Final = {
 }
 _SIZES: Final = tuple(_TABLE_US)
 _BURST_PREAMBLE_NS: Final = ACKNOWLEDGEMENT_NS
+BURST_RATES_BPS: Final = (13_900, 6900, 2400)
+"""Bit rates of burst data that captures have, falling."""
 
 
 def im_airtime_ns(payload_bytes: int) -> int:

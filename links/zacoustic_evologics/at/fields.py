@@ -60,11 +60,10 @@ class Payload(Field):
 
 
 _ANY: Final = Integer(0, 2**32 - 1)
-_MODEMS: Final = 1, BROADCAST - 1
 
 Address: TypeAlias = Annotated[int, Integer(0, BROADCAST)]
 """Any address: 0 none or any, 1…254 a modem, 255 broadcast."""
-Modem: TypeAlias = Annotated[int, Asked(_ANY, Integer(*_MODEMS))]
+Modem: TypeAlias = Annotated[int, Asked(_ANY, Integer(1, BROADCAST - 1))]
 """In a command, the address of one modem."""
 Target: TypeAlias = Annotated[int, Asked(_ANY, Integer(1, BROADCAST))]
 """In a command, the address of one modem, or broadcast."""
@@ -104,7 +103,7 @@ RAW_METRES: Final = Decimal(4, 1e30)
 """A position from three hydrophones before it is judged: a geometry without a solution gives
 whatever the division gave, far beyond any place."""
 Metres: TypeAlias = Annotated[float, Decimal(4, 1_000_000.0)]
-"""A distance, or the uncertainty of one, m; an uncertainty is negative when there is no fix."""
+"""A distance or a coordinate, m."""
 Angle: TypeAlias = Annotated[float, Decimal(4, 100.0)]
 """An angle, rad."""
 Accuracy: TypeAlias = Annotated[float, Decimal(4, 1_000_000.0)]

@@ -42,10 +42,8 @@ from zacoustic_evologics.driver.sending.answers import in_words
 from zacoustic_evologics.driver.sending.service import Remedy, remedy_command, remedy_for
 from zacoustic_evologics.driver.sending.times import BURST_LIMIT_S, BUSY_PAUSE_S
 from zacoustic_evologics.driver.sending.trains import Trains
-from zacoustic_evologics.driver.session.session import ModemSession
+from zacoustic_evologics.driver.session.session import MOST_OUTSTANDING, ModemSession
 
-MOST_OUTSTANDING: Final = 32
-"""Frames that the driver takes; those for which the modem's buffer has no room wait here."""
 _STAY_S: Final = 12.0
 """After burst data have made way they stay for so long, s: about two trains."""
 _STIRRING: Final = (said.Delivered, said.Failed, said.Status, said.RecvEnd, said.RecvFailed)

@@ -8,7 +8,13 @@ from typing import Final
 
 from zacoustic.core.clock import NS_PER_S, seconds_to_ns
 from zacoustic.core.linktypes import BulkService, LinkCapabilities, TransmitOutcome
-from zacoustic_evologics.airtime import BIT_RATE_BPS, GAP_S, PREAMBLE_S, TURNAROUND_NS
+from zacoustic_evologics.airtime import (
+    BIT_RATE_BPS,
+    BURST_RATES_BPS,
+    GAP_S,
+    PREAMBLE_S,
+    TURNAROUND_NS,
+)
 from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES, CLOCK_SPAN_US, IM_LIMIT_BYTES
 from zacoustic_evologics.at.framing import Interpreter
 from zacoustic_evologics.at.settings import KEYS, SOURCE_LEVELS_DB
@@ -27,11 +33,13 @@ CLOCK_TRUST_NS: Final = 30 * NS_PER_S
 BURSTS_GO_ON_S: Final = 4.0
 """After burst data of another modem, for how long more of them are expected, s."""
 
+MOST_OUTSTANDING: Final = 32
+"""Frames of burst data that the driver takes; those for which the modem has no room wait in it."""
 _BULK: Final = BulkService(
     mtu_bytes=BURST_LIMIT_BYTES,
-    bit_rate_bps=6900.0,
+    bit_rate_bps=float(BURST_RATES_BPS[1]),
     preamble_s=0.1,
-    most_outstanding=32,
+    most_outstanding=MOST_OUTSTANDING,
     rides_back=True,
     overtakes=True,
 )

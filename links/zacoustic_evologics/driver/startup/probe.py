@@ -20,7 +20,7 @@ from typing import Final
 from zacoustic_evologics.at.commands import Query
 from zacoustic_evologics.at.encoder import encode_command
 from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES
-from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing
+from zacoustic_evologics.at.framing import SERIAL_LINE_END, TCP_LINE_END, Framing, Interpreter
 from zacoustic_evologics.at.messages import Message, Reply
 from zacoustic_evologics.at.replies import RefusalKind
 
@@ -29,7 +29,7 @@ FILLER: Final = b"A" * (BURST_LIMIT_BYTES + 1)
 
 _QUESTION: Final = Query("MODE")
 _REFUSALS: Final = tuple(kind.value for kind in RefusalKind)
-_PLAIN_ANSWERS: Final = ("AT", "NET")
+_PLAIN_ANSWERS: Final = tuple(each.value for each in Interpreter)
 
 
 class Probe:

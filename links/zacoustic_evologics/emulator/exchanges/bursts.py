@@ -9,11 +9,10 @@ while.
 """
 
 from collections.abc import Callable, Iterable
-from typing import Final
 
 from zacoustic.core.clock import seconds_to_ns
 from zacoustic.core.linktypes import BROADCAST
-from zacoustic_evologics.airtime import burst_airtime_ns, service_airtime_ns
+from zacoustic_evologics.airtime import BURST_RATES_BPS, burst_airtime_ns, service_airtime_ns
 from zacoustic_evologics.at import notifications as said
 from zacoustic_evologics.at import refusals
 from zacoustic_evologics.at.commands import SendBurst
@@ -26,9 +25,6 @@ from zacoustic_evologics.emulator.exchanges.pool import Queued, TransmitPool
 from zacoustic_evologics.emulator.hardware.chassis import Chassis, Origin
 from zacoustic_evologics.emulator.hardware.signals import BurstPacket, Hearing, Signal, SignalKind
 from zacoustic_evologics.emulator.hardware.transducer import Transducer
-
-_SLOWEST_BPS: Final = 2400
-"""The bit rate if none has been proposed."""
 
 
 class Bursts:
@@ -217,7 +213,7 @@ class Bursts:
     def _send_train(self, destination: int, now: int) -> None:
         if self._chassis.behaviour.im_in_train == "taken":
             self._instant.look(now)  # a message goes between two trains
-        rate_bps = self._chassis.measured.local_bps or _SLOWEST_BPS
+        rate_bps = self._chassis.measured.local_bps or BURST_RATES_BPS[-1]
         self._train = self.pool.train(
             self._chassis.store["ZC"], rate_bps, seconds_to_ns(self._chassis.behaviour.train_s)
         )

@@ -13,7 +13,7 @@ import msgspec
 
 from zacoustic.channel.agenda import Agenda
 from zacoustic.core.clock import seconds_to_ns
-from zacoustic_evologics.airtime import ACKNOWLEDGEMENT_NS, TURNAROUND_NS
+from zacoustic_evologics.airtime import ACKNOWLEDGEMENT_NS, BURST_RATES_BPS, TURNAROUND_NS
 from zacoustic_evologics.at.fields import CLOCK_SPAN_US
 from zacoustic_evologics.at.firmware import Firmware
 from zacoustic_evologics.at.framing import Interpreter
@@ -38,9 +38,9 @@ class Behaviour(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
     """Settings require an earlier `AT@CTRL`; otherwise only if another port has sent it."""
     restart_s: float = 4.0
     """Duration of a restart by `ATZ0`, s."""
-    burst_rates_bps: tuple[tuple[float, int], ...] = (
-        (30.0, 13_900), (15.0, 6900), (-1000.0, 2400),
-    )  # fmt: skip
+    burst_rates_bps: tuple[tuple[float, int], ...] = tuple(
+        zip((30.0, 15.0, -1000.0), BURST_RATES_BPS, strict=True)
+    )
     """Least SNR, dB, of each bit rate that a modem proposes for burst data, falling. The rates are
     from captures, the limits ours."""
     train_s: float = 2.0

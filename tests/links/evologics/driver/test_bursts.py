@@ -23,7 +23,7 @@ from zacoustic.core.linktypes import (
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic_evologics.config import EvologicsConfig
-from zacoustic_evologics.driver.sending.bursts import MOST_OUTSTANDING
+from zacoustic_evologics.driver.session.session import MOST_OUTSTANDING
 from zacoustic_evologics.emulator import Behaviour, EmulatedFleet, burst_guess, scenario_of
 
 FRAME = random.Random("burst").randbytes(1024)
