@@ -96,4 +96,4 @@ KEYS: Final = {
 def refuse_value(name: str, value: int) -> str:
     """Return why a setting cannot have a value, or an empty text."""
     setting = SETTINGS.get(name, Setting(name, 0, 2**32 - 1, 0))
-    return "" if setting.allows(value) else f"{name} is {value}; allowed: {setting.allowed}"
+    return "" if setting.allows(value) else f"setting {name} is {value}; allowed: {setting.allowed}"

@@ -249,4 +249,4 @@ def _check_settings(settings: Mapping[str, int]) -> None:
         if name not in SETTINGS:
             raise ConfigError(f"setting {name}; allowed: {', '.join(sorted(SETTINGS))}")
         if refusal := refuse_value(name, value):
-            raise ConfigError(f"setting {refusal}")
+            raise ConfigError(refusal)
