@@ -1,12 +1,26 @@
 """A section of the configuration with something of everything, to be changed."""
 
 import copy
-from typing import Any
+from typing import Any, get_args
 
+import msgspec
 import pytest
 
-from zacoustic.config import config_from_mapping
+from zacoustic.config import config_from_mapping, sections
+from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.errors import ConfigError
+
+RECORDS: list[type[msgspec.Struct]] = [
+    *(
+        each
+        for each in vars(sections).values()
+        if isinstance(each, type)
+        and issubclass(each, msgspec.Struct)
+        and each is not sections.Entry
+    ),
+    *get_args(AccessSpec),
+]
+"""Records of the tables of a file."""
 
 ROOT = "fleet.json5: plugins.acoustic"
 """Where a mistake in a section is."""

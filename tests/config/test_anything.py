@@ -6,12 +6,12 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.config.section import SECTION
+from tests.config.section import RECORDS, SECTION
 from zacoustic.config import config_from_mapping
-from zacoustic.config.sections import ALLOWED
 from zacoustic.errors import ConfigError
 
-KEYS = st.sampled_from(sorted(ALLOWED)) | st.text(max_size=5)
+NAMES = sorted({name for record in RECORDS for name in record.__struct_encode_fields__})
+KEYS = st.sampled_from(NAMES) | st.text(max_size=5)
 JSON_VALUES = st.recursive(
     st.none()
     | st.booleans()

@@ -80,10 +80,16 @@ def test_nodes_may_lack_a_link_or_have_it_elsewhere() -> None:
     [
         ({"default_links": ["sat"]}, 'default_links[0]: "sat"; allowed: acoustic, radio'),
         ({"default_links": ["radio", "radio"]}, 'default_links[1]: "radio" a second time'),
-        ({"links": [SOUND, {**RADIO, "cost": "cheap"}]}, 'links[1].cost: "cheap"; allowed: "free"'),
-        ({"links": [SOUND, {**RADIO, "cost": {"quantum": 5}}]}, "links[1].cost: {"),
-        ({"links": [SOUND, {**RADIO, "cost": {"per_byte": 0}}]}, "links[1].cost: {"),
-        ({"links": [SOUND, {**RADIO, "cost": {"per_byte": 1, "x": 1}}]}, "links[1].cost: {"),
+        ({"links": [SOUND, {**RADIO, "cost": "cheap"}]}, 'links[1].cost: "cheap"; allowed: free'),
+        (
+            {"links": [SOUND, {**RADIO, "cost": {"quantum": 5}}]},
+            "links[1].cost.per_byte: is missing",
+        ),
+        ({"links": [SOUND, {**RADIO, "cost": {"per_byte": 0}}]}, "links[1].cost.per_byte: 0"),
+        (
+            {"links": [SOUND, {**RADIO, "cost": {"per_byte": 1, "x": 1}}]},
+            "links[1].cost.x: unknown key",
+        ),
         ({"links": [SOUND, {**RADIO, "probe_s": 0}]}, "links[1].probe_s: 0; allowed: "),
         ({"links": [SOUND, {**RADIO, "down_after_s": 1e300}]}, "links[1].down_after_s: 1e+300"),
         (

@@ -57,7 +57,7 @@ def _without_carry() -> Any:
 @pytest.mark.parametrize(
     ("log", "changes", "words"),
     [
-        ({"carry": {"by": []}}, {}, "at least one address"),
+        ({"carry": {"by": []}}, {}, "carry.by: []; allowed: 1..15 addresses"),
         ({"carry": {"by": [9]}}, {}, "9 is no node"),
         ({"carry": {"by": [2, 2]}}, {}, "2 a second time"),
         ({"carry": {"by": [3]}}, {}, "3, the only subscriber"),

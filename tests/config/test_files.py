@@ -39,7 +39,7 @@ def test_file_without_router_settings_is_enough(tmp_path: Path) -> None:
         ("{ plugins: { acoustic: 3 } }", r"router\.json5: plugins\.acoustic must be object"),
         (
             "{ plugins: { acoustic: { address: 0 } } }",
-            r"router\.json5: plugins\.acoustic\.address: 0; allowed: 1\.\.254",
+            r"router\.json5: plugins\.acoustic\.address: 0; allowed: an address, 1\.\.254",
         ),
     ],
 )

@@ -48,7 +48,12 @@ def test_nothing_is_flooded_without_such_a_stream() -> None:
         ({}, {"flood": {"hops": 5}}, "flood.hops: 5; allowed: a number, 1..4"),
         ({}, {"flood": {"max_airtime": 0}}, "flood.max_airtime: 0"),
         ({}, {"flood": {"link": "radio"}}, 'flood.link: "radio"; allowed: none'),
-        ({"link": "flood"}, {}, "streams[0].flood: beside link; allowed: one of the two"),
+        (
+            {"link": "radio"},
+            {"links": [{"name": "radio", "locator": "sim/h:1"}]},
+            "streams[0].flood: beside link; allowed: one of the two",
+        ),
+        ({"link": "flood"}, {}, 'streams[0].link: "flood"; allowed: none, no link has a name'),
         ({"flood": 1}, {}, "streams[0].flood: 1"),
         ({}, {"routes": [{"id": 1, "name": "flood", "path": [1, 2]}]}, 'routes[0].name: "flood"'),
         ({}, {"links": [{"locator": "sim/h:1", "port": 96}]}, "links[0].port: 96"),

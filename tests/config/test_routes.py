@@ -66,10 +66,13 @@ def test_how_much_a_node_does_for_others() -> None:
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"routes": [{"id": 0, "name": "far", "path": [1, 2]}]}, "routes[0].id: 0; allowed: 1..31"),
+        (
+            {"routes": [{"id": 0, "name": "far", "path": [1, 2]}]},
+            "routes[0].id: 0; allowed: a number, 1..31",
+        ),
         (
             {"routes": [{"id": 1, "name": name, "path": [1, 2, 3]} for name in ("far", "b")]},
-            "routes[1].id: 1; allowed",
+            "routes[1].id: 1 a second time",
         ),
         ({"routes": [{"id": 1, "name": "a/b", "path": [1, 2]}]}, "routes[0].name"),
         (

@@ -61,7 +61,7 @@ def test_who_gives_commands_is_read() -> None:
     [
         ([9], r"commands_from\[0\]: 9 is no node; allowed: 1 \(shore\), 2 \(auv1\)"),
         (["shore"], r'commands_from\[0\]: "shore"'),
-        ("all", r'commands_from: "all"; allowed: a list of addresses; \[\] for nobody'),
+        ("all", r'commands_from: "all"; allowed: a list of addresses of nodes; \[\] for nobody'),
     ],
 )
 def test_commands_from_nowhere_are_an_error(written: object, problem: str) -> None:
@@ -85,9 +85,9 @@ def _slot(**settings: object) -> dict[str, object]:
 @pytest.mark.parametrize(
     ("access", "problem"),
     [
-        ({}, '.method: is missing; allowed: "aloha", "carrier_sense", "tdma", "schedule"'),
-        ({"method": "tdam"}, '.method: "tdam"; allowed: "aloha", '),
-        ({"method": 3}, '.method: 3; allowed: "aloha"'),
+        ({}, ".method: is missing; allowed: aloha, carrier_sense, tdma, schedule"),
+        ({"method": "tdam"}, '.method: "tdam"; allowed: aloha, '),
+        ({"method": 3}, ".method: 3; allowed: aloha"),
         ("tdma", ': "tdma"; allowed: { method: '),
         ({"method": "carrier_sense", "x": 1}, ".x: unknown key"),
         (ACCESS | {"slotts": 1}, ".slotts: unknown key; allowed: clock_error_s, clock"),
@@ -95,15 +95,25 @@ def _slot(**settings: object) -> dict[str, object]:
         (ACCESS | {"clock": 3}, ".clock: 3 is no node"),
         (ACCESS | {"slot_s": "3"}, '.slot_s: "3"; allowed: seconds, above 0'),
         (ACCESS | {"slot_s": 1}, ".slot_s: 1 s is not more than its guard of 1.092 s"),
-        (ACCESS | {"clock_error_s": None}, ".clock_error_s: is missing, and slots need clocks"),
+        (
+            ACCESS | {"clock_error_s": None},
+            ".clock_error_s: null; allowed: seconds, 0 or more, at most 1e+09 (how wrong may",
+        ),
+        (
+            {each: ACCESS[each] for each in ACCESS if each != "clock_error_s"},
+            ".clock_error_s: is missing; allowed: seconds, 0 or more",
+        ),
         (_slot(owners=[3]), ".slots[1].owners[0]: 3 is no node; allowed: 1 (shore), 2 (auv1)"),
-        (_slot(for_s=0), ".slots[1].for_s: 0; allowed: above 0"),
-        (_slot(range_m=-1), ".slots[1].range_m: -1; allowed: metres, 0 to 100000"),
+        (_slot(for_s=0), ".slots[1].for_s: 0; allowed: seconds, above 0"),
+        (_slot(range_m=-1), ".slots[1].range_m: -1; allowed: metres, 0..100000"),
         (_slot(range=5), ".slots[1].range: unknown key; allowed: owners, for_s, range_m"),
-        (_slot() | {"slots": []}, ".slots: 0 slots; allowed: 1..1024"),
+        (
+            _slot() | {"slots": []},
+            ".slots: []; allowed: a list of { owners, for_s, range_m }, 1..1024",
+        ),
         ({"method": "polling", "poller": 1, "nodes": [1]}, ".nodes: 1 is the poller; allowed"),
         ({"method": "polling", "poller": 3, "nodes": [2]}, ".poller: 3 is no node"),
-        ({"method": "aloha", "slot_s": 0}, ".slot_s: 0; allowed: above 0"),
+        ({"method": "aloha", "slot_s": 0}, ".slot_s: 0; allowed: seconds, above 0"),
     ],
 )
 def test_access_that_is_wrong_says_what_and_why(access: object, problem: str) -> None:
@@ -133,7 +143,7 @@ def test_quiet_windows_and_caps_are_read() -> None:
         ({"permit_log": ""}, '.permit_log: ""; allowed: a text'),
         (
             {"streams": [{"id": 1, "topic": "a", "max_airtime": 0}]},
-            ".streams[0].max_airtime: 0; allowed: above 0, at most 1",
+            ".streams[0].max_airtime: 0; allowed: a share, above 0, at most 1",
         ),
     ],
 )
@@ -246,14 +256,18 @@ def test_what_a_topic_says_of_large_samples_is_read() -> None:
 @pytest.mark.parametrize(
     ("objects", "photo", "problem"),
     [
-        ({"max_bytes": 0}, {}, "objects.max_bytes: 0; allowed: 1..268435455"),
-        ({"max_bytes": 1 << 28}, {}, "objects.max_bytes: 268435456; allowed: 1..268435455"),
+        ({"max_bytes": 0}, {}, "objects.max_bytes: 0; allowed: a number of bytes, 1..268435455"),
+        (
+            {"max_bytes": 1 << 28},
+            {},
+            "objects.max_bytes: 268435456; allowed: a number of bytes, 1..268435455",
+        ),
         ({"max_bytes": "1M"}, {}, 'objects.max_bytes: "1M"; allowed: a number of bytes'),
-        ({"max_waiting": 65}, {}, "objects.max_waiting: 65; allowed: 1..64"),
+        ({"max_waiting": 65}, {}, "objects.max_waiting: 65; allowed: a number, 1..64"),
         (
             {"max_bytes": 1000, "memory_bytes": 999},
             {},
-            "objects.memory_bytes: 999; allowed: 1000..4294967296, not less than max_bytes",
+            "objects.memory_bytes: 999; allowed: 1000 or more, not less than max_bytes",
         ),
         ({"max_byte": 1}, {}, "objects.max_byte: unknown key; allowed: max_bytes, max_waiting"),
         ([], {}, "objects: []; allowed: { max_bytes, max_waiting, memory_bytes }"),
@@ -262,7 +276,7 @@ def test_what_a_topic_says_of_large_samples_is_read() -> None:
             {"max_bytes": 1001},
             "streams[0].max_bytes: 1001; allowed: 1..1000 (objects.max_bytes is the most)",
         ),
-        ({}, {"max_bytes": 0}, "streams[0].max_bytes: 0; allowed: 1..1048576"),
+        ({}, {"max_bytes": 0}, "streams[0].max_bytes: 0; allowed: a number of bytes, 1.."),
         (
             {},
             {"exclusive": True, "reliability": "best_effort"},

@@ -146,7 +146,7 @@ def test_address_given_beside_the_file_is_checked() -> None:
     message = message_of(SECTION, address=9)
     assert message == f"{ROOT}.address: 9, given beside the file; allowed: 1 (shore), 2 (auv1)"
     assert message_of({}) == (
-        f"{ROOT}.address: is missing; allowed: 1..254 (add it, or give --address)"
+        f"{ROOT}.address: is missing; allowed: an address, 1..254 (add it, or give --address)"
     )
 
 
@@ -155,7 +155,7 @@ def test_without_a_list_of_nodes_any_address_may_publish_but_nobody_has_a_name()
     config_from_mapping({"address": 1, "streams": [stream]}, source="-")
     stream["publishers"] = [255]
     message = message_of({"address": 1, "streams": [stream]})
-    assert ".streams[0].publishers[0]: 255; allowed: an address, 1..254" in message
+    assert ".streams[0].publishers[0]: 255; allowed: the address of a node, 1..254" in message
     message = message_of({"address": 1, "streams": [{"id": 1, "topic": "{node}/a"}]})
     assert '.streams[0].topic: "{node}/a" has {node}, and nodes is empty' in message
 

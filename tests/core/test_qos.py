@@ -10,13 +10,13 @@ from zacoustic.core.base.qos import PATIENCE_NS, PRIORITY_NAMES, Override, Prior
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"depth": 0}, "depth is 0; allowed: 1..65535"),
-        ({"depth": 65536}, "depth is 65536; allowed: 1..65535"),
-        ({"lifespan_s": 0}, "lifespan_s is 0; allowed: above 0"),
-        ({"lifespan_s": float("inf")}, "lifespan_s is inf; allowed: above 0"),
-        ({"lifespan_s": float("nan")}, "lifespan_s is nan; allowed: above 0"),
-        ({"min_interval_s": -1}, "min_interval_s is -1; allowed: 0 or more"),
-        ({"linger_s": float("nan")}, "linger_s is nan; allowed: 0 or more"),
+        ({"depth": 0}, "depth is 0; allowed: a number, 1..65535"),
+        ({"depth": 65536}, "depth is 65536; allowed: a number, 1..65535"),
+        ({"lifespan_s": 0}, "lifespan_s is 0; allowed: seconds, above 0"),
+        ({"lifespan_s": float("inf")}, "lifespan_s is inf; allowed: seconds, above 0"),
+        ({"lifespan_s": float("nan")}, "lifespan_s is nan; allowed: seconds, above 0"),
+        ({"min_interval_s": -1}, "min_interval_s is -1; allowed: seconds, 0 or more"),
+        ({"linger_s": float("nan")}, "linger_s is nan; allowed: seconds, 0 or more"),
     ],
 )
 def test_value_outside_its_range_is_named(settings: dict[str, Any], message: str) -> None:

@@ -13,7 +13,6 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.config.problems import Place, shown
-from zacoustic.config.sections import ALLOWED
 from zacoustic.core.profiles.entities import DiscoverySpec
 from zacoustic.core.profiles.rmw_desert.discovery import BEACON_TOPIC, REQUEST_TOPIC
 from zacoustic.core.values.rmw_desert.messages import LAST_STREAM_ID
@@ -54,15 +53,8 @@ def read_allowed_topics(place: Place, written: str, folder: Path) -> AllowedTopi
     Raises:
         ConfigError: There is no such file, or it is not a file of rmw_desert.
     """
-    if not written or "\0" in written:
-        place.refuse(allowed=ALLOWED["allowed_topics"])
-    try:
-        content = (folder / written).read_bytes()
-    except OSError as error:
-        place.refuse(f"{written}: {error.strerror}", allowed=ALLOWED["allowed_topics"])
+    content = place.content(folder, _MOST_BYTES)
     allowed = '{ "topics": { "/name": id, … } }'
-    if len(content) > _MOST_BYTES:
-        place.refuse(f"{written}: {len(content)} bytes", allowed=f"{_MOST_BYTES}")
     try:
         topics = msgspec.json.decode(content)["topics"]
         entries = dict(topics.items())

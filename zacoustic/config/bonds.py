@@ -1,16 +1,10 @@
 """The lists `links` of streams, and `default_links`: several links used as one."""
 
-from typing import Any
-
-import msgspec
-
-from zacoustic.config.problems import Place, shown
-from zacoustic.config.sections import ALLOWED, LinkEntry, RouteEntry
-from zacoustic.core.base.clock import DURATIONS, is_duration
+from zacoustic.config.problems import Place
+from zacoustic.config.sections import LinkEntry, RouteEntry
 from zacoustic.core.bond.spec import Bond, BondLink, LinkCost, Tariff
 from zacoustic.core.relay.route import Route
 from zacoustic.core.wire.relay import LAST_ROUTE
-from zacoustic.errors import ConfigError
 
 
 class Bonds:
@@ -20,13 +14,10 @@ class Bonds:
     highest that no route has, and so on downwards.
 
     Args:
-        links: The links of the file.
         routes: The routes of the file.
     """
 
-    def __init__(self, links: tuple[LinkEntry, ...], routes: tuple[Route, ...]) -> None:
-        names = [each.name for each in links if each.name is not None]
-        self._names = list(dict.fromkeys([*names, *(each.name for each in routes)]))
+    def __init__(self, routes: tuple[Route, ...]) -> None:
         taken = {each.route_id for each in routes}
         self._free = [each for each in range(LAST_ROUTE, 0, -1) if each not in taken]
         self._found: dict[tuple[str, ...], Bond] = {}
@@ -36,21 +27,13 @@ class Bonds:
         """The bonds so far."""
         return tuple(self._found.values())
 
-    def name_of(self, place: Place, written: object) -> str:
-        """Return the name of the link, or bond, that a list stands for.
+    def name_of(self, place: Place) -> str:
+        """Return the name of the link, or bond, that the list at a place stands for.
 
         Raises:
-            ConfigError: It names no links, or one twice.
+            ConfigError: It is one list too many.
         """
-        allowed = ", ".join(self._names) or "none, no link has a name"
-        if not isinstance(written, list | tuple) or not written:
-            place.refuse(allowed=f"a list of links: {allowed}")
-        for index, each in enumerate(written):
-            if each not in self._names:
-                place.at(index).refuse(allowed=allowed, hint="give the links a name each")
-            if each in written[:index]:
-                place.at(index).refuse(f'"{each}" a second time', allowed="each link once")
-        names = tuple(written)
+        names = tuple(place.written)
         if len(names) == 1:
             return str(names[0])
         if names not in self._found:
@@ -63,13 +46,12 @@ class Bonds:
 
 
 def read_bonds(
-    place: Place, links: tuple[LinkEntry, ...], routes: tuple[Route, ...], *, is_in_use: bool
+    place: Place, routes: tuple[Route, ...], *, is_in_use: bool
 ) -> tuple[tuple[Bond, ...], dict[int, str], str]:
     """Read the lists of links of a section.
 
     Args:
         place: Place of the section.
-        links: The links of the file.
         routes: The routes of the file.
         is_in_use: Whether the node has these links; with another one by argument it has not.
 
@@ -78,55 +60,30 @@ def read_bonds(
         the first link.
 
     Raises:
-        ConfigError: A list is wrong, or a stream has both `link` and `links`.
+        ConfigError: There are too many lists, or a stream has both `link` and `links`.
     """
-    bonds = Bonds(links, routes)
+    bonds = Bonds(routes)
     default, of_streams = "", {}
     here = place.at("default_links")
     if here.written is not None:
-        default = bonds.name_of(here, here.written)
+        default = bonds.name_of(here)
     for index, _ in enumerate(place.at("streams").entries):
         stream = place.at("streams").at(index)
-        written, stream_id = stream.at("links").written, stream.at("id").written
-        if written is None:
+        stream_id = stream.at("id").written
+        if stream.at("links").written is None:
             continue
         if stream.at("link").written is not None:
             stream.at("links").refuse("beside link", allowed="one of the two")
-        name = bonds.name_of(stream.at("links"), written)
-        if isinstance(stream_id, int):
-            of_streams[stream_id] = name
+        of_streams[stream_id] = bonds.name_of(stream.at("links"))
     return (bonds.found, of_streams, default) if is_in_use else ((), {}, "")
 
 
-def read_bonded(place: Place, entry: LinkEntry | RouteEntry) -> BondLink:
-    """Read how bonds treat a link or route.
-
-    Raises:
-        ConfigError: A value is outside its range.
-    """
-    cost, tariff = LinkCost.AIRTIME, None
-    if isinstance(entry, LinkEntry) and entry.cost is not None:
-        cost, tariff = _read_cost(place.at("cost"), entry.cost)
-    for name in ("probe_s", "down_after_s"):
-        value = getattr(entry, name)
-        if value is not None and not is_duration(value):
-            place.at(name).refuse(allowed=DURATIONS)
+def read_bonded(entry: LinkEntry | RouteEntry) -> BondLink:
+    """Return how bonds treat a link or route."""
+    cost = (entry.cost if isinstance(entry, LinkEntry) else None) or LinkCost.AIRTIME
     return BondLink(
-        cost=cost,
-        tariff=tariff,
+        cost=LinkCost.MONEY if isinstance(cost, Tariff) else cost,
+        tariff=cost if isinstance(cost, Tariff) else None,
         probe_s=entry.probe_s or 0.0,
         down_after_s=entry.down_after_s or 0.0,
     )
-
-
-def _read_cost(place: Place, written: str | dict[str, Any]) -> tuple[LinkCost, Tariff | None]:
-    """Read what frames cost: a word, or a price."""
-    if not isinstance(written, dict):
-        costs = {each.value: each for each in LinkCost}
-        if written not in costs:
-            place.refuse(allowed=ALLOWED["cost"])
-        return costs[written], None
-    try:
-        return LinkCost.MONEY, msgspec.convert(written, Tariff, strict=True)
-    except (ConfigError, msgspec.ValidationError) as error:
-        place.refuse(f"{shown(written)}: {error}", allowed=ALLOWED["cost"])

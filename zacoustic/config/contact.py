@@ -1,9 +1,8 @@
 """The keys `heartbeat_s` and `lost_after_s`: in the section for all nodes, at a node for itself."""
 
 from zacoustic.config.problems import Place
-from zacoustic.config.sections import ALLOWED, NodeEntry, Section
-from zacoustic.core.base.clock import LONGEST_S, is_duration
-from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S, LEAST_MISSED, ContactRules
+from zacoustic.config.sections import Section
+from zacoustic.core.peers.contact import LEAST_MISSED, ContactRules
 from zacoustic.core.peers.lostcontact import LostContactRule
 
 
@@ -19,15 +18,13 @@ def read_contact(
         lost_contact: When this node must act because it hears nobody.
 
     Raises:
-        ConfigError: A time is wrong, or too short for the heartbeats; reports the first.
+        ConfigError: A time is too short for the heartbeats; reports the first.
     """
-    _check(place, written)
     _check_pair(place, place, written.heartbeat_s, written.lost_after_s)
     heartbeat_s = written.heartbeat_s
     lost_after_s: dict[int, float] = {}
     for index, entry in enumerate(written.nodes):
         here = place.at("nodes").at(index)
-        _check(here, entry)
         beats_s = entry.heartbeat_s if entry.heartbeat_s is not None else written.heartbeat_s
         lost_s = entry.lost_after_s if entry.lost_after_s is not None else written.lost_after_s
         _check_pair(here, place, beats_s, lost_s)
@@ -42,14 +39,6 @@ def read_contact(
         lost_contact=lost_contact,
         announces=True,
     )
-
-
-def _check(place: Place, entry: NodeEntry | Section) -> None:
-    heartbeat_s, lost_after_s = entry.heartbeat_s, entry.lost_after_s
-    if heartbeat_s is not None and not LEAST_HEARTBEAT_S <= heartbeat_s <= LONGEST_S:
-        place.at("heartbeat_s").refuse(allowed=ALLOWED["heartbeat_s"])
-    if lost_after_s is not None and not is_duration(lost_after_s):
-        place.at("lost_after_s").refuse(allowed=ALLOWED["lost_after_s"])
 
 
 def _check_pair(

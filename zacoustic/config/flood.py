@@ -1,11 +1,11 @@
 """The table `flood`, and streams with `flood: true`: frames that every node passes on."""
 
 from zacoustic.config.problems import Place
-from zacoustic.config.sections import ALLOWED, FloodEntry, LinkEntry, RouteEntry
+from zacoustic.config.sections import FloodEntry, LinkEntry, RouteEntry
 from zacoustic.core.base.linktypes import ONE_LINK
 from zacoustic.core.relay.flood import FLOOD_NAME, Flood
 from zacoustic.core.streams.wireprofile import WireProfile
-from zacoustic.core.wire.flood import FLOOD_PORT, MOST_HOPS
+from zacoustic.core.wire.flood import FLOOD_PORT
 
 
 def read_flood(
@@ -28,20 +28,13 @@ def read_flood(
         How they go, None if nothing is flooded; and the link of each stream that is.
 
     Raises:
-        ConfigError: A value is outside its range, or a stream has a link beside it.
+        ConfigError: A name or a port is that of flooding, or a stream has a link beside it.
     """
     of_streams = _flooded_streams(place, wire)
     if written is None and not of_streams:
         return None, {}
     written = written or FloodEntry()
-    here = place.at("flood")
-    names = list(dict.fromkeys(each.name for each in links if each.name is not None))
-    if written.link is not None and written.link not in names:
-        here.at("link").refuse(allowed=", ".join(names) or "none, no link has a name")
-    if not 1 <= written.hops <= MOST_HOPS:
-        here.at("hops").refuse(allowed=ALLOWED["hops"])
-    if not 0 < written.max_airtime <= 1:
-        here.at("max_airtime").refuse(allowed=ALLOWED["max_airtime"])
+    names = (each.name for each in links if each.name is not None)
     taken: dict[str, list[str | None]] = {
         "links": [each.name for each in links],
         "routes": [each.name for each in routes],
@@ -58,7 +51,7 @@ def read_flood(
                 allowed=f"another number: {FLOOD_PORT} is that of flooded streams"
             )
     flood = Flood(
-        link=written.link or next(iter(names), ONE_LINK),
+        link=written.link or next(names, ONE_LINK),
         hops=written.hops,
         max_airtime=written.max_airtime,
     )

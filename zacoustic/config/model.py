@@ -5,7 +5,6 @@ from pathlib import Path
 import msgspec
 
 from zacoustic.config.problems import Place
-from zacoustic.config.sections import ALLOWED
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.dense import DenseCodec, Model
 from zacoustic.errors import ConfigError
@@ -37,18 +36,11 @@ def read_model(place: Place, written: str | None, folder: Path) -> ModelFile | N
     """
     if written is None:
         return None
-    if not written or "\0" in written:
-        place.refuse(allowed=ALLOWED["model"])
-    try:
-        content = (folder / written).read_bytes()
-    except OSError as error:
-        place.refuse(f"{written}: {error.strerror}", allowed=ALLOWED["model"], hint=_HINT)
-    if len(content) > _MOST_BYTES:
-        place.refuse(f"{written}: {len(content)} bytes", allowed=f"{_MOST_BYTES}", hint=_HINT)
+    content = place.content(folder, _MOST_BYTES)
     try:
         return msgspec.json.decode(content, type=ModelFile, strict=True)
     except (msgspec.DecodeError, RecursionError) as error:
-        place.refuse(f"{written}: no model: {error}", allowed=ALLOWED["model"], hint=_HINT)
+        place.refuse(f"{written}: no model: {error}", allowed=place.allowed, hint=_HINT)
 
 
 def check_model(place: Place, table: StreamTable) -> None:

@@ -2,8 +2,7 @@
 
 from zacoustic.config.problems import Place
 from zacoustic.config.sections import ObjectsEntry
-from zacoustic.core.transport.objects.limits import MOST_BYTES, ObjectLimits
-from zacoustic.core.wire.objects import MOST_TRANSFERS
+from zacoustic.core.transport.objects.limits import ObjectLimits
 
 _DEFAULT = ObjectLimits()
 
@@ -16,23 +15,15 @@ def read_objects(place: Place, entry: ObjectsEntry | None) -> ObjectLimits:
         entry: Its content, or None.
 
     Raises:
-        ConfigError: A number is out of its range.
+        ConfigError: The memory holds no object of the largest size.
     """
     if entry is None:
         return _DEFAULT
-    _check(place.at("max_bytes"), entry.max_bytes, 1, MOST_BYTES)
-    _check(place.at("max_waiting"), entry.max_waiting, 1, MOST_TRANSFERS)
-    most_bytes = _DEFAULT.largest_bytes if entry.max_bytes is None else entry.max_bytes
-    _check(place.at("memory_bytes"), entry.memory_bytes, most_bytes, 1 << 32)
-    memory_bytes = max(_DEFAULT.incoming_bytes, most_bytes)
+    most_bytes = entry.max_bytes or _DEFAULT.largest_bytes
+    if entry.memory_bytes is not None and entry.memory_bytes < most_bytes:
+        place.at("memory_bytes").refuse(allowed=f"{most_bytes} or more, not less than max_bytes")
     return ObjectLimits(
         largest_bytes=most_bytes,
         most_outgoing=entry.max_waiting or _DEFAULT.most_outgoing,
-        incoming_bytes=entry.memory_bytes or memory_bytes,
+        incoming_bytes=entry.memory_bytes or max(_DEFAULT.incoming_bytes, most_bytes),
     )
-
-
-def _check(place: Place, written: int | None, least: int, most: int) -> None:
-    if written is not None and not least <= written <= most:
-        why = "" if least == 1 else ", not less than max_bytes"
-        place.refuse(allowed=f"{least}..{most}{why}")

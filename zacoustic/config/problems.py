@@ -1,8 +1,9 @@
 """Errors of a section: one line with file, key path, value, allowed values, what to do.
 
-Errors come from the checks of `reading`, which know the path; from records that refuse their
-values, whose message starts with the key; and from msgspec, whose messages end with a path of its
-own. Here all become a `ConfigError` of one form::
+Errors come from msgspec, which applies the declarations of the fields and ends its message with a
+path; from records that refuse their values, whose message starts with the key; and from the checks
+of `reading`, which know the path. Here all become a `ConfigError` of one form, with the allowed
+values that the field declares::
 
     fleet.json5: plugins.acoustic.streams[3].priority: "urgent"; allowed: real_time, … (hint)
 """
@@ -10,21 +11,22 @@ own. Here all become a `ConfigError` of one form::
 import json
 import re
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any, Final, NoReturn, TypeVar
 
 import msgspec
 
-from zacoustic.config.sections import ALLOWED, FIELD_TYPE_ALLOWED, FOLDER_ALLOWED, RECORDS
+from zacoustic.config.sections import Section
 from zacoustic.errors import ConfigError
+from zacoustic.text.allowed import allowed as words_of
+from zacoustic.text.allowed import find, located, mark, steps_of, table_of, tables
 
 SECTION_PATH: Final = "plugins.acoustic"
 """Path of the section in the file."""
 
 _SHOWN_CHARACTERS: Final = 60  # of a value: enough to find it, and still one line
-_MSGSPEC_PATH: Final = re.compile(r"(.*) - at `(?:key in )?\$(.*)`", re.DOTALL)
 _UNKNOWN: Final = re.compile(r"Object contains unknown field `(.*)`", re.DOTALL)
 _MISSING: Final = re.compile(r"Object missing required field `(.*)`", re.DOTALL)
-_STEPS: Final = re.compile(r"\.(\w+)|\[(\d+)\]")
 _WRITTEN_KEY: Final = re.compile(r"[\w.\[\]]+")
 
 Entry = TypeVar("Entry", bound=msgspec.Struct)
@@ -47,7 +49,12 @@ class Place:
     @property
     def written(self) -> Any:  # noqa: ANN401 (a file can hold anything)
         """The value at the place; None: there is none."""
-        return _walk(self._whole, self.path)
+        return _walk(self._whole, steps_of(self.path))
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values in words, as the field of the key declares them."""
+        return words_of(self._kind) if self._kind is not None else ""
 
     @property
     def entries(self) -> list[object]:
@@ -64,14 +71,18 @@ class Place:
         """Raise the error about this place.
 
         Args:
-            what: What is wrong; default: the value here.
+            what: What is wrong; default: the value here, which is not what the key declares.
             allowed: The allowed values.
             hint: What to do.
 
         Raises:
             ConfigError: Always.
         """
-        message = f"{self.source}: {SECTION_PATH}{self.path}: {what or shown(self.written)}"
+        if what is None:
+            what = shown(self.written)
+            hint = hint or ("" if allowed else self._hint())
+            allowed = allowed or self.allowed
+        message = f"{self.source}: {SECTION_PATH}{self.path}: {what}"
         raise ConfigError(f"{message}; allowed: {allowed}" if allowed else message, hint=hint)
 
     def repeat(self, error: ConfigError) -> NoReturn:
@@ -82,7 +93,8 @@ class Place:
         """
         key, colon, rest = str(error.args[0]).partition(": ")
         place = self if not colon or not _WRITTEN_KEY.fullmatch(key) else self.at(key)
-        place.refuse(rest if place is not self else str(error.args[0]), hint=error.hint)
+        what = rest if place is not self else str(error.args[0])
+        place.refuse(what, hint=error.hint)
 
     def convert(self, record: type[Entry]) -> Entry:
         """Convert the value here.
@@ -94,6 +106,50 @@ class Place:
             return msgspec.convert(self.written, record)
         except msgspec.ValidationError as error:
             _translate(self, record, error)
+
+    def path_of(self, written: str, folder: Path) -> Path:
+        """Return the path of the file or folder that is named here; ``~`` is a home.
+
+        Args:
+            written: The name.
+            folder: Folder to which it is relative.
+
+        Raises:
+            ConfigError: This computer does not know whose home.
+        """
+        try:
+            return folder / Path(written).expanduser()
+        except RuntimeError:
+            self.refuse(hint="write it out")
+
+    def content(self, folder: Path, most_bytes: int) -> bytes:
+        """Return the content of the file that is named here.
+
+        Args:
+            folder: Folder to which the name is relative.
+            most_bytes: Largest size, bytes.
+
+        Raises:
+            ConfigError: There is no such file, or it is larger.
+        """
+        try:
+            content = self.path_of(self.written, folder).read_bytes()
+        except OSError as error:
+            self.refuse(f"{self.written}: {error.strerror}", allowed=self.allowed)
+        if len(content) > most_bytes:
+            self.refuse(f"{self.written}: {len(content)} bytes", allowed=f"{most_bytes}")
+        return content
+
+    @property
+    def _kind(self) -> msgspec.inspect.Type | None:
+        return find(table_of(Section), steps_of(self.path), self._whole)
+
+    def _hint(self) -> str:
+        """Return what the key declares, or which of its words is nearly the one here."""
+        declared = mark(self._kind, "hint") if self._kind is not None else None
+        words = [each for each in self.allowed.split(", ") if " " not in each]
+        close = get_close_matches(self.written, words, 1) if isinstance(self.written, str) else []
+        return str(declared or "") or (f'did you mean "{close[0]}"?' if close else "")
 
 
 def shown(value: object) -> str:
@@ -107,6 +163,9 @@ def shown(value: object) -> str:
 
 RENAMED: Final = {"orders_from": "commands_from"}
 """Former keys and their present names."""
+LATER_VALUES: Final = {"stamp": ("time",)}
+"""Words of the format that this version does not have yet, by key: refused by name, so that nobody
+silently gets less. The version that adds a word removes it here."""
 
 
 def unknown_key(place: Place, key: str, keys: tuple[str, ...]) -> NoReturn:
@@ -123,23 +182,6 @@ def unknown_key(place: Place, key: str, keys: tuple[str, ...]) -> NoReturn:
     )
 
 
-def allowed_at(path: str) -> str:
-    """Return the allowed values at a path in words; empty if they are unknown."""
-    steps = _STEPS.findall(path)
-    names = [name for name, _ in steps if name]
-    if not names:
-        return ""
-    if names[-1] == "type" and "fields" in names:
-        return FIELD_TYPE_ALLOWED
-    if names == ["journal"]:
-        return FOLDER_ALLOWED
-    if names == ["quiet", "to"]:
-        return ALLOWED["from"]
-    if names[-2:] == ["access", "nodes"]:
-        return ALLOWED["slots"]
-    return ALLOWED.get(names[-1], "")
-
-
 def _translate(
     place: Place, record: type[msgspec.Struct], error: msgspec.ValidationError
 ) -> NoReturn:
@@ -148,29 +190,30 @@ def _translate(
     Raises:
         ConfigError: Always.
     """
-    found = _MSGSPEC_PATH.fullmatch(str(error))
-    message, path = (found[1], found[2]) if found else (str(error), "")
+    message, path = located(error)
     below = Place(place.source, place._whole, place.path + path)
     unknown, missing = _UNKNOWN.fullmatch(message), _MISSING.fullmatch(message)
-    if unknown:
-        lists = [name for name, _ in _STEPS.findall(path) if name]
-        outer = ".".join([name for name, _ in _STEPS.findall(below.path) if name][-2:])
-        table = (RECORDS.get(outer) or RECORDS[lists[-1]]) if lists else record
-        unknown_key(below, unknown[1], table.__struct_encode_fields__)
-    if missing:
-        key = below.at(missing[1])
-        key.refuse("is missing", allowed=allowed_at(key.path))
+    kind = find(table_of(record), steps_of(path), place.written)
+    if unknown and kind is not None:
+        table = next(tables(kind, below.written))
+        unknown_key(below, unknown[1], tuple(each.encode_name for each in table.fields))
     if isinstance(error.__cause__, ConfigError):
         below.repeat(error.__cause__)
-    below.refuse(allowed=allowed_at(below.path) or _one_line(message.replace("`", "")))
+    if missing:
+        here = below.at(missing[1])
+        here.refuse("is missing", allowed=here.allowed, hint=here._hint())
+    if below.written in LATER_VALUES.get(below.path.rpartition(".")[2], ()):
+        what = f"{shown(below.written)} is not available yet"
+        below.refuse(what, allowed=below.allowed, hint="a later version will have it")
+    below.refuse()
 
 
-def _walk(written: object, path: str) -> Any:  # noqa: ANN401 (a file can hold anything)
-    for name, index in _STEPS.findall(path):
-        if name and isinstance(written, dict):
-            written = written.get(name)
-        elif index and isinstance(written, list | tuple) and int(index) < len(written):
-            written = written[int(index)]
+def _walk(written: object, steps: list[str | int]) -> Any:  # noqa: ANN401 (of a file)
+    for step in steps:
+        if isinstance(step, str) and isinstance(written, dict):
+            written = written.get(step)
+        elif isinstance(step, int) and isinstance(written, list | tuple) and step < len(written):
+            written = written[step]
         else:
             return None
     return written
@@ -181,7 +224,3 @@ def _printable(text: str) -> str:
     return "".join(
         letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text
     )
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())

@@ -1,15 +1,11 @@
 """The list `ranging`: the ranges that nodes measure periodically."""
 
-import math
-
 from zacoustic.config.problems import Place
-from zacoustic.config.sections import ALLOWED, RangingEntry
-from zacoustic.config.streams import Fleet, check_address
-from zacoustic.core.peers.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
+from zacoustic.config.sections import RangingEntry
 
 
 def check_ranging(
-    place: Place, entries: tuple[RangingEntry, ...], own: int, fleet: Fleet
+    place: Place, entries: tuple[RangingEntry, ...], own: int
 ) -> tuple[RangingEntry, ...]:
     """Check the list at `place`.
 
@@ -17,7 +13,6 @@ def check_ranging(
         place: Place of the list.
         entries: Its content.
         own: Address of this node, which measures unless an entry names another.
-        fleet: The nodes.
 
     Raises:
         ConfigError: An entry is wrong; reports the first.
@@ -25,9 +20,6 @@ def check_ranging(
     seen: set[tuple[int, int]] = set()
     for index, entry in enumerate(entries):
         here = place.at(index)
-        check_address(here.at("to"), entry.to, fleet)
-        if entry.by is not None:
-            check_address(here.at("by"), entry.by, fleet)
         by = own if entry.by is None else entry.by
         if entry.to == by:
             here.at("to").refuse(
@@ -37,10 +29,6 @@ def check_ranging(
                 if entry.by is None
                 else "",
             )
-        if not (
-            math.isfinite(entry.every_s) and LEAST_PERIOD_S <= entry.every_s <= LONGEST_PERIOD_S
-        ):
-            here.at("every_s").refuse(allowed=ALLOWED["every_s"])
         if (by, entry.to) in seen:
             here.at("to").refuse(f"{entry.to} a second time", allowed="each node once")
         seen.add((by, entry.to))

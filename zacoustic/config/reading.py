@@ -10,11 +10,10 @@ import msgspec
 
 from zacoustic.config.allowedtopics import AllowedTopics, give_ids, read_allowed_topics
 from zacoustic.config.bonds import read_bonded, read_bonds
-from zacoustic.config.carry import check_carries_nothing, read_carry
+from zacoustic.config.carry import check_carries_nothing
 from zacoustic.config.contact import read_contact
 from zacoustic.config.flood import read_flood
 from zacoustic.config.json5 import read_zenoh_config
-from zacoustic.config.later import check_word
 from zacoustic.config.links import (
     is_replaced,
     read_link_rules,
@@ -22,19 +21,19 @@ from zacoustic.config.links import (
     read_links_of_streams,
 )
 from zacoustic.config.lostcontact import LostContactAction, read_lost_contact
-from zacoustic.config.metrics import read_metrics, read_metrics_names
+from zacoustic.config.metrics import parse_metrics
 from zacoustic.config.model import check_model, read_model
 from zacoustic.config.objects import read_objects
 from zacoustic.config.onrmwdesert import check_section
 from zacoustic.config.problems import Place, unknown_key
 from zacoustic.config.quiet import read_quiet
 from zacoustic.config.ranging import check_ranging
+from zacoustic.config.references import Known, check_references
 from zacoustic.config.ros import RosConfig, RosReader
-from zacoustic.config.routes import read_relay, read_routes
+from zacoustic.config.routes import read_routes
 from zacoustic.config.sections import (
-    ALLOWED,
-    FOLDER_ALLOWED,
     ZENOH_KEYS,
+    CarryEntry,
     LinkEntry,
     NodeEntry,
     RangingEntry,
@@ -42,11 +41,13 @@ from zacoustic.config.sections import (
     TypeEntry,
 )
 from zacoustic.config.security import read_security, seal_rules
-from zacoustic.config.streams import Fleet, check_address, read_streams
+from zacoustic.config.streams import Fleet, read_streams
+from zacoustic.core.base.linktypes import Address
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.lostcontact import LostContactRule
 from zacoustic.core.profiles.rules import TransmitRules
-from zacoustic.core.streams.keys import fault_of_name
+from zacoustic.core.relay.relay import RelayRules
+from zacoustic.core.relay.route import Route
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.objects.limits import ObjectLimits
@@ -66,10 +67,8 @@ if TYPE_CHECKING:  # the import costs a shared library, which a node without Zen
 
 ALLOWED_TOPICS_WIRE: Final = f'wire: "{WireProfile.RMW_DESERT.value}"'
 """The setting that the key `allowed_topics` of a link needs."""
-FIRST_ADDRESS: Final = 1
-LAST_ADDRESS: Final = 254
-"""Last address of a node; the first is 1."""
-_RATIO: Final = re.compile(r" *([0-9]{1,15}) */ *([0-9]{1,15}) *")
+RATIO: Final = "^ *([0-9]{1,15}) */ *(0*[1-9][0-9]{0,14}) *$"
+"""Pattern of a step that is written as a ratio."""
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
@@ -209,6 +208,9 @@ def config_from_mapping(
     written = place.convert(Section)
     nodes = _read_nodes(place.at("nodes"), written.nodes)
     own = _own_address(place.at("address"), written.address, address, nodes)
+    known = _known(written, nodes)
+    check_references(place, written, None, known)
+    routes = read_routes(place, written.routes, written.links)
     links = read_links(place.at("links"), written.links, locator, own)
     ros = RosReader(place, written, folder or Path())
     ros_types = ros.types(place.at("streams"))
@@ -220,6 +222,7 @@ def config_from_mapping(
     read = read_model(place.at("model"), written.model, folder or Path())
     fleet = Fleet(
         nodes=nodes,
+        known=known,
         types=types,
         largest_bytes=objects.largest_bytes,
         model=read.model if read is not None else None,
@@ -228,12 +231,12 @@ def config_from_mapping(
     table = read_streams(place.at("streams"), len(written.streams), fleet, ros)
     check_model(place.at("model"), table)
     security = read_security(place.at("security"), written.security, table, folder or Path())
-    lost_contact = read_lost_contact(
-        place.at("lost_contact"), written, own, fleet, table, ros.streams
-    )
+    lost_contact = read_lost_contact(place.at("lost_contact"), written, own, table, ros.streams)
     losses = tuple(each.rule for each in lost_contact)
-    rules = _read_rules(place, written, links, fleet, own, objects, topics, security, losses)
-    journal = _read_journal(place.at("journal"), written.journal)
+    rules = _read_rules(
+        place, written, links, routes, fleet, own, objects, topics, security, losses
+    )
+    journal = _path_of(place.at("journal"), written.journal)
     if journal is None:
         check_carries_nothing(place, table, own)
     return Config(
@@ -246,14 +249,14 @@ def config_from_mapping(
         journal=journal,
         table=table,
         typical_bits=_by_id(read.typical_bits) if read is not None else {},
-        ranging=check_ranging(place.at("ranging"), written.ranging, own, fleet),
+        ranging=check_ranging(place.at("ranging"), written.ranging, own),
         lost_contact=lost_contact,
         ros=ros.config() if ros.streams else None,
         rules=rules,
         security=security,
-        permit_log=_read_permit_log(place.at("permit_log"), written.permit_log),
-        metrics=read_metrics(place.at("metrics"), written.metrics),
-        metrics_names=read_metrics_names(place.at("metrics_names"), written.metrics_names),
+        permit_log=_path_of(place.at("permit_log"), written.permit_log),
+        metrics=_read_metrics(place.at("metrics"), written.metrics),
+        metrics_names=written.metrics_names,
     )
 
 
@@ -273,8 +276,8 @@ def _with_steps(section: dict[str, Any]) -> dict[str, Any]:
 
 def _with_step(field: Any) -> Any:  # noqa: ANN401 (as it is written)
     step = field.get("step") if isinstance(field, dict) else None
-    ratio = _RATIO.fullmatch(step) if isinstance(step, str) else None
-    if ratio is None or not int(ratio[2]):
+    ratio = re.match(RATIO, step) if isinstance(step, str) else None
+    if ratio is None:
         return field
     return {**field, "step": int(ratio[1]) / int(ratio[2])}
 
@@ -308,51 +311,65 @@ def _read_nodes(place: Place, entries: tuple[NodeEntry, ...]) -> dict[int, str]:
     nodes: dict[int, str] = {}
     for index, entry in enumerate(entries):
         here = place.at(index)
-        if not FIRST_ADDRESS <= entry.address <= LAST_ADDRESS:
-            here.at("address").refuse(allowed=f"{FIRST_ADDRESS}..{LAST_ADDRESS}")
         if entry.address in nodes:
             here.at("address").refuse(
                 f"{entry.address} is the address of {nodes[entry.address]}",
                 allowed="an address of its own",
             )
-        if fault_of_name(entry.name) or set("/{}") & set(entry.name):
-            here.at("name").refuse(allowed="one chunk of a key, without / * $ ? # { }")
         if entry.name in nodes.values():
             here.at("name").refuse(f'"{entry.name}" a second time', allowed="a name of its own")
         nodes[entry.address] = entry.name
     return nodes
 
 
+def _known(written: Section, nodes: Mapping[int, str]) -> Known:
+    """Return what addresses and names of the section may refer to."""
+    links: dict[object, str] = {each.name: each.name for each in written.links if each.name}
+    ways = links | {each.name: each.name for each in written.routes}
+    known = {"links": links, "ways": ways}
+    if nodes:
+        known["nodes"] = {address: f"{address} ({name})" for address, name in nodes.items()}
+    return known
+
+
 def _own_address(
     place: Place, written: int | None, given: int | None, nodes: Mapping[int, str]
 ) -> int:
     own = written if given is None else given
-    known = ", ".join(f"{address} ({name})" for address, name in nodes.items())
-    allowed = known or f"{FIRST_ADDRESS}..{LAST_ADDRESS}"
+    allowed = ", ".join(f"{address} ({name})" for address, name in nodes.items())
     if own is None:
-        place.refuse("is missing", allowed=allowed, hint="add it, or give --address")
-    if not FIRST_ADDRESS <= own <= LAST_ADDRESS or (nodes and own not in nodes):
         place.refuse(
-            f"{own}" if given is None else f"{own}, given beside the file", allowed=allowed
+            "is missing", allowed=allowed or place.allowed, hint="add it, or give --address"
         )
+    try:
+        msgspec.convert(own, Address)
+        is_address = not nodes or own in nodes
+    except msgspec.ValidationError:
+        is_address = False
+    if not is_address:
+        what = f"{own}" if given is None else f"{own}, given beside the file"
+        place.refuse(what, allowed=allowed or place.allowed)
     return own
 
 
-def _read_journal(place: Place, written: str | None) -> Path | None:
-    if written is None:
-        return None
-    if not written or "\0" in written:
-        place.refuse(allowed=FOLDER_ALLOWED)
-    try:
-        return Path(written).expanduser()
-    except RuntimeError:  # "~somebody" that this computer does not know
-        place.refuse(allowed=FOLDER_ALLOWED, hint="write the folder out")
+def _path_of(place: Place, written: str | None) -> Path | None:
+    """Return the path at `place`, relative to the file; None: none is named."""
+    return None if written is None else place.path_of(written, Path())
+
+
+def _read_metrics(place: Place, written: str | None) -> tuple[str, int] | None:
+    """Return where metrics are answered; None: nowhere."""
+    found = None if written is None else parse_metrics(written)
+    if found is None and written is not None:
+        place.refuse()
+    return found
 
 
 def _read_rules(
     place: Place,
     written: Section,
     links: tuple[LinkEntry, ...],
+    routes: tuple[Route, ...],
     fleet: Fleet,
     own: int,
     objects: ObjectLimits,
@@ -361,14 +378,11 @@ def _read_rules(
     lost_contact: tuple[LostContactRule, ...],
 ) -> TransmitRules:
     """Read the settings of transmission."""
-    own_links = read_link_rules(place, written, links, fleet)
-    for index, address in enumerate(written.commands_from or ()):
-        check_address(place.at("commands_from").at(index), address, fleet)
+    own_links = read_link_rules(place, written, links, fleet.wire)
     commands_from = None if written.commands_from is None else frozenset(written.commands_from)
-    routes = read_routes(place, written.routes, written.links, fleet)
     is_other = is_replaced(written.links, links)
     flood, flooded = read_flood(place, written.flood, written.links, written.routes, fleet.wire)
-    bonds, bonded, default = read_bonds(place, written.links, routes, is_in_use=not is_other)
+    bonds, bonded, default = read_bonds(place, routes, is_in_use=not is_other)
     rules = TransmitRules(
         access=own_links[0].access if own_links else None,
         quiet=read_quiet(place.at("quiet"), written.quiet),
@@ -376,45 +390,28 @@ def _read_rules(
         max_frame_s=own_links[0].max_frame_s if own_links else written.max_frame_s,
         commands_from=commands_from,
         contact=read_contact(place, written, own, lost_contact),
-        agreement=_read_agreement(place.at("agreement"), written.agreement),
+        agreement=written.agreement or AgreementMethod.CONFIRM,
         objects=objects,
-        carry_bytes=read_carry(place.at("carry"), written.carry),
+        carry_bytes=(written.carry or CarryEntry()).max_bytes,
         discovery=topics.discovery(fleet.nodes.get(own, f"zacoustic_{own}")) if topics else None,
         links=own_links if any(each.name for each in links) else (),
-        links_of_streams=read_links_of_streams(
-            place.at("streams"), written.links, links, routes, own
-        )
+        links_of_streams=read_links_of_streams(place.at("streams"), links, routes, own)
         | bonded
         | flooded,
         default_link=default,
         flood=flood,
         bonds=bonds,
         bonded_routes={
-            entry.name: read_bonded(place.at("routes").at(index), entry)
-            for index, entry in enumerate(written.routes)
+            entry.name: read_bonded(entry)
+            for entry in written.routes
             if entry.down_after_s is not None or entry.probe_s is not None
         },
         routes=routes,
-        relay=read_relay(place.at("relay"), written.relay),
+        relay=written.relay or RelayRules(),
         sealing=seal_rules(security),
         port=own_links[0].port if own_links else None,
     )
     return rules.on_one_link() if is_other else rules
-
-
-def _read_agreement(place: Place, written: str | None) -> AgreementMethod:
-    if written is None:
-        return AgreementMethod.CONFIRM
-    check_word(place, written, tuple(each.value for each in AgreementMethod))
-    return AgreementMethod(written)
-
-
-def _read_permit_log(place: Place, written: str | None) -> Path | None:
-    if written is None:
-        return None
-    if not written or "\0" in written:
-        place.refuse(allowed=ALLOWED["permit_log"])
-    return Path(written)
 
 
 def _read_types(
@@ -452,9 +449,7 @@ def _read_types(
 
 
 def _import_class(place: Place, reference: str) -> type[msgspec.Struct]:
-    module_name, colon, attribute = reference.partition(":")
-    if not (module_name and colon and attribute) or module_name.startswith("."):
-        place.refuse(allowed='"module:Class"')
+    module_name, _, attribute = reference.partition(":")
     try:
         found: object = importlib.import_module(module_name)
     except Exception as error:  # the user's module: the file names it, so its errors are the file's

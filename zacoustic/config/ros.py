@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeGuard
 import msgspec
 
 from zacoustic.config.problems import Place, shown
-from zacoustic.config.sections import ALLOWED, RosEntry, Section, StreamRosEntry
+from zacoustic.config.sections import RosDomain, RosEntry, Section, StreamRosEntry
 from zacoustic.core.base.qos import Stamp
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.types import TypeSpec
@@ -37,7 +37,6 @@ if TYPE_CHECKING:  # these need rosbags, which a file without ROS does not need
 
 DOMAIN_VARIABLE: Final = "ROS_DOMAIN_ID"
 """Environment variable with the domain."""
-_LAST_DOMAIN: Final = 232
 _LATCHED_PUBLISHERS: Final = 4
 """Publishers with a depth of their own, as each has in ROS: nodes that publish `/tf_static`."""
 _TRANSIENT_LOCAL: Final = "transient_local"
@@ -231,9 +230,7 @@ class RosReader:
         here = place.at("ros")
         if here.written is None:
             return _EXACT
-        stamp, words = here.convert(StreamRosEntry).stamp or _EXACT, (_EXACT, "drop", "age")
-        if stamp not in words:
-            here.at("stamp").refuse(allowed=", ".join(words))
+        stamp = here.convert(StreamRosEntry).stamp or _EXACT
         interfaces = self._load()
         if stamp == _EXACT or name not in interfaces or has_header(interfaces, name):
             return stamp
@@ -330,13 +327,10 @@ def _qos(written: Mapping[str, Any]) -> RosQos:
 
 def _domain(place: Place, written: int | None) -> int:
     if written is not None:
-        if not 0 <= written <= _LAST_DOMAIN:
-            place.refuse(allowed=ALLOWED["domain"])
         return written
     text = os.environ.get(DOMAIN_VARIABLE, "") or "0"
-    domain = whole_number(text)
-    if domain is None or domain > _LAST_DOMAIN:
-        place.refuse(
-            f"{shown(text)} in ${DOMAIN_VARIABLE}", allowed=ALLOWED["domain"], hint="or say it here"
-        )
-    return domain
+    try:
+        return msgspec.convert(whole_number(text), RosDomain)
+    except msgspec.ValidationError:
+        what = f"{shown(text)} in ${DOMAIN_VARIABLE}"
+        place.refuse(what, allowed=place.allowed, hint="or say it here")

@@ -1,32 +1,47 @@
-"""The section as written: one record per table of the file, and the allowed values of each key.
+"""The section as written: one record per table of the file.
 
-The records hold the file's values and nothing else; `reading` interprets them. `ALLOWED` has the
-allowed values of each key in words, for errors and for docs/reference.md.
+Each field states what its key may be: the type, the range, the words (`zacoustic.text.allowed`).
+Reading, errors, docs/reference.md and the schema of editors follow from that. The records hold the
+file's values and nothing else; `reading` interprets them, and checks what needs two keys. Two marks
+say what a value refers to: `refers`, the list of the section that must have it, and `unique`, that
+a list has it once.
 """
 
-from typing import Any, Final
+from typing import Annotated, Any, Final, Literal, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
-from zacoustic.core.base.linktypes import MAX_FRAME_S
-from zacoustic.core.base.qos import PRIORITY_NAMES, Forward, Reliability, Stamp
+from zacoustic.core.base.clock import LONGEST_S, Duration, DurationOrZero, Share
+from zacoustic.core.base.linktypes import MAX_FRAME_S, Address, Node, Nodes
+from zacoustic.core.base.qos import (
+    PRIORITY_NAMES,
+    Deadline,
+    Depth,
+    Durability,
+    Forward,
+    Reliability,
+    Stamp,
+)
+from zacoustic.core.bond.spec import LinkCost, Tariff
 from zacoustic.core.peers.agreementpolicy import AgreementMethod
 from zacoustic.core.peers.contact import LEAST_HEARTBEAT_S
 from zacoustic.core.peers.ranging import LEAST_PERIOD_S, LONGEST_PERIOD_S
-from zacoustic.core.schedule.access.spec import ScheduledSlot
+from zacoustic.core.relay.flood import Hops
+from zacoustic.core.relay.relay import RelayRules
+from zacoustic.core.relay.route import RouteId, RoutePath
+from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.schedule.replybudget import REPLY_SHARE
-from zacoustic.core.streams.carry import (
-    DEFAULT_AFTER_S,
-    DEFAULT_EXPIRES_S,
-    DEFAULT_MAX_BYTES,
-    LEAST_CARRY_S,
-    LONGEST_CARRY_S,
-)
+from zacoustic.core.streams.carry import DEFAULT_MAX_BYTES, Carry
+from zacoustic.core.streams.keys import MOST_VALUES, Wildcard
+from zacoustic.core.streams.specs import CODECS, LAST_STREAM_ID, STREAM_OUTSIDE_WORDS
 from zacoustic.core.streams.wireprofile import WireProfile
+from zacoustic.core.transport.objects.limits import ObjectBytes, ObjectMemory, Transfers
 from zacoustic.core.values.encoding import TYPED_ENCODINGS
-from zacoustic.core.values.types import SCALAR_TYPES, FieldSpec
+from zacoustic.core.values.types import FieldSpec
+from zacoustic.core.wire.seal import LAST_PORT
 from zacoustic.ros.interfaces import DEFAULT_DISTRO
-from zacoustic.ros.overlays import Overlay, OverlayField
+from zacoustic.ros.overlays import Overlay
 from zacoustic.seal.spec import (
     DEFAULT_OVERLAP_S,
     LARGEST_PAD_BYTES,
@@ -36,155 +51,66 @@ from zacoustic.seal.spec import (
     Seals,
     Strong,
 )
-
-ALLOWED: Final = {
-    "address": "an address, 1..254",
-    "id": "a number, 1..175",
-    "name": "a text",
-    "locator": 'a text, NAME/ADDRESS#key=value, such as "sim/127.0.0.1:7000"',
-    "wire": ", ".join(f'"{profile.value}"' for profile in WireProfile),
-    "allowed_topics": "a text, rmw_desert's file of topics, such as ros_allowed_topics.conf",
-    "access": '{ method: "aloha" | "carrier_sense" | "tdma" | "schedule" | "polling" | '
-    '"delegated" | "auto", … }; or "auto"',
-    "method": "the name of a medium access",
-    "slots": "a list of addresses; of a schedule, of { owners, for_s, range_m }",
-    "owners": "a list of addresses",
-    "for_s": "seconds, above 0",
-    "range_m": "metres, 0 or more",
-    "slot_s": "seconds, above 0",
-    "guard_s": "seconds, above 0",
-    "max_range_m": "metres, above 0",
-    "clock_error_s": "seconds, 0 or more",
-    "clock": "the address of a node",
-    "beacon_s": "seconds, above 0",
-    "drift_ppm": "a number, 0 or more",
-    "back_off": "true, false",
-    "poller": "the address of a node",
-    "turn_s": "seconds, above 0, at most 5.1",
-    "idle_s": "seconds, 0 or more",
-    "nodes": "a list of { address, name }",
-    "agreement": ", ".join(f'"{method.value}"' for method in AgreementMethod),
-    "link": "the name of a link; of a stream also that of a route",
-    "cost": '"free", "airtime", "money", or a price { per_byte, quantum }',
-    "probe_s": "seconds, above 0",
-    "down_after_s": "seconds, above 0",
-    "default_links": "a list of names of links",
-    "routes": "a list of { id, name, path }",
-    "path": "2..16 addresses, from one end to the other, each once",
-    "lifetime_s": "seconds, 0 or more",
-    "relay": "{ max_airtime, queue }",
-    "flood": "{ link, hops, max_airtime }; of a stream true, false",
-    "hops": "a number, 1..4",
-    "queue": "a number, 1..256",
-    "links": "a list of { locator, … }, with a name each where there are several",
-    "types": "a list of { name, fields } or { name, python }",
-    "fields": "a list of { name, type, … }",
-    "streams": "a list of { id, topic, … }, { id, service, … } or { id, action, … }",
-    "wildcards": "a list of { name, values }",
-    "values": "a list of texts",
-    "python": 'a text, "module:Class"',
-    "type": "a text, the name of a type",
-    "journal": "true, false",
-    "quiet": 'a list of { from: "22:00", to: "06:00" }',
-    "from": 'a time of day in UTC, such as "22:00"',
-    "objects": "{ max_bytes, max_waiting, memory_bytes }",
-    "max_bytes": "a number of bytes, 1 or more",
-    "max_waiting": "a number, 1..64",
-    "memory_bytes": "a number of bytes, not less than max_bytes",
-    "exclusive": "true, false",
-    "carry": "{ max_bytes }; of a topic { by, after_s, expires_s }",
-    "after_s": "seconds, above 0",
-    "expires_s": f"seconds, {LEAST_CARRY_S:g}..{LONGEST_CARRY_S:g}",
-    "max_airtime": "a share, above 0, at most 1",
-    "max_frame_s": "seconds, 0.5..600",
-    "port": "0..127, another one for each link, and the same at both ends",
-    "commands_from": "a list of addresses; [] for nobody",
-    "permit_log": "a text, the file to append to",
-    "metrics": 'a text, "PORT" or "HOST:PORT"',
-    "metrics_names": 'a list of host names, such as ["auv1.example"]',
-    "request": "a text, the name of a type",
-    "response": "a text, the name of a type",
-    "goal": "a text, the name of a type",
-    "feedback": "a text, the name of a type",
-    "result": "a text, the name of a type",
-    "topic": "a text, a key expression",
-    "service": "a text, a key expression",
-    "action": "a text, a key expression",
-    "publishers": "a list of addresses of nodes",
-    "subscribers": "a list of addresses of nodes",
-    "server": "the address of a node",
-    "priority": ", ".join(PRIORITY_NAMES),
-    "depth": "a number, 1..65535",
-    "lifespan_s": "seconds, above 0",
-    "deadline_s": "seconds, 0.1 or more, above min_interval_s",
-    "min_interval_s": "seconds, 0 or more",
-    "linger_s": "seconds, 0 or more",
-    "timeout_s": "seconds, above 0",
-    "result_timeout_s": "seconds, above 0",
-    "feedback_interval_s": "seconds, 0 or more",
-    "stamp": ", ".join(stamp.value for stamp in Stamp),
-    "encoding": f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}",
-    "model": "a file that `zacoustic codec fit` has made",
-    "reliability": ", ".join(reliability.value for reliability in Reliability),
-    "durability": '"volatile", "transient_local"',
-    "local_publishers": "a number, 1..255",
-    "codec": '"cbor", "packed", for topics "dense"',
-    "forward": ", ".join(forward.value for forward in Forward),
-    "heartbeat_s": f"seconds, {LEAST_HEARTBEAT_S:g} or more",
-    "lost_after_s": "seconds, above 0",
-    "lost_contact": "a list of { name, lost_after_s, call } or { name, lost_after_s, publish }",
-    "of": "a list of addresses of other nodes",
-    "call": "a text, the key of a service on the local network",
-    "publish": "a text, a key of the local network",
-    "value": "a value",
-    "range": "a list of two numbers, [low, high]",
-    "step": 'a number above 0, or a ratio as "1/60000"',
-    "unit": "a text",
-    "wraps": "true, false",
-    "outside": "reject, clamp, escape",
-    "nan": "true, false",
-    "optional": "true, false",
-    "length": "a number, 1..65535",
-    "max_length": "a number, 1..65535",
-    "min_length": "a number, 1..65535",
-    "default": "a value of the field's type",
-    "security": "{ key, members, mode, seal, strong, pad, overlap_s, reply_share, lives, "
-    "emergency }",
-    "key": "a text, the key file that `zacoustic key new` has made",
-    "members": "a text, the list that `zacoustic key new --identity` has made",
-    "mode": ", ".join(mode.value for mode in Mode),
-    "strong": f"a list of {', '.join(each.value for each in Strong)}",
-    "seal": "transmit, receive",
-    "pad": f"a list of lengths of frames, {LEAST_PAD_BYTES}..{LARGEST_PAD_BYTES}, ascending",
-    "overlap_s": f"seconds, 0..{LONGEST_OVERLAP_S:.0f}",
-    "reply_share": "a share, above 0, at most 1",
-    "lives": "a text, the folder of the life records",
-    "emergency": "{ unsealed }",
-    "unsealed": "a list of names of topics",
-    "ranging": "a list of { to, every_s }",
-    "to": "the address of another node",
-    "by": "the address of a node; of carry a list of addresses",
-    "ros": "{ distro, domain, namespace, packages }; of a stream { stamp }",
-    "distro": "the name of a ROS 2 distribution",
-    "domain": "a number, 0..232",
-    "namespace": 'a ROS namespace, such as "/auv1"',
-    "packages": "a folder of PACKAGE/msg/Name.msg, PACKAGE/srv/Name.srv and so on",
-    "overlays": "a list of { type, fields }",
-    "field": "a text, members parted by dots; * stands for any one",
-    "constant": "a value",
-    "omit": "true, false",
-    "every_s": f"seconds, {LEAST_PERIOD_S:g}..{LONGEST_PERIOD_S:g}",
-}
-"""Allowed values of each key, in words."""
-
-FOLDER_ALLOWED: Final = "a text, the folder of the journal"
-"""Allowed values of the key `journal` of the section."""
-
-FIELD_TYPE_ALLOWED: Final = f"{', '.join(SCALAR_TYPES)}, or the name of a type"
-"""Allowed values of the key `type` of a field."""
+from zacoustic.text.allowed import one_of
 
 ZENOH_KEYS: Final = ("__required__", "__path__", "__plugin__")
 """Keys of the section for Zenoh's plugin loader, not for us."""
+
+
+def _file(words: str) -> Meta:
+    """Return the declaration of the name of a file or folder."""
+    return Meta(pattern=r"^[^\0]+$", description=f"a text, {words}")
+
+
+def _nodes(words: str, leave_out: str) -> Meta:
+    """Return the declaration of a list of nodes, each once."""
+    extra = {"unique": True, "hint": f"leave it out{leave_out}"}
+    return Meta(min_length=1, title=words, extra=extra)
+
+
+_CHUNK: Final = Meta(
+    pattern=r"^(?!@)[^/*$?#{}]+$", description="one chunk of a key, without / * $ ? # { }"
+)
+_LINK_CHUNK: Final = Meta(
+    pattern="^[^/@*$?#{}]+$", description="one chunk of a key, without / @ * $ ? # { }"
+)
+_LINK: Final = Meta(description="the name of a link", extra={"refers": "links"})
+_WAY: Final = Meta(description="the name of a link or a route", extra={"refers": "ways"})
+_TYPE: Final = Meta(title="a text, the name of a type")
+_KEY: Final = Meta(title="a text, a key expression")
+_TIME: Final = Meta(
+    pattern=r"^([01][0-9]|2[0-3]):[0-5][0-9]$(?!\n)",
+    description='a time of day in UTC, "00:00" to "23:59"',
+)
+_Name: TypeAlias = Annotated[str, _CHUNK]
+_Heartbeat: TypeAlias = Annotated[float, Meta(ge=LEAST_HEARTBEAT_S, le=LONGEST_S, title="seconds")]
+_FrameTime: TypeAlias = Annotated[float, Meta(ge=0.5, le=600, title="seconds")]
+_Publishers: TypeAlias = Annotated[
+    tuple[Node, ...], _nodes("a list of addresses of nodes", " for all nodes")
+]
+_Ways: TypeAlias = Annotated[
+    tuple[Annotated[str, _WAY], ...],
+    Meta(min_length=1, title="a list of names of links, each once", extra={"unique": True}),
+]
+_HOST: Final = Meta(
+    pattern=r"^[A-Za-z0-9_-]+(\.[A-Za-z0-9_-]+)*$(?!\n)",
+    description='a host name, such as "auv1.example"',
+)
+_Encoding: TypeAlias = Annotated[
+    str, Meta(title=f"a text, for typed streams one of {', '.join(TYPED_ENCODINGS)}")
+]
+RosDomain: TypeAlias = Annotated[int, Meta(ge=0, le=232)]
+"""``ROS_DOMAIN_ID``."""
+StreamId: TypeAlias = Annotated[
+    int,
+    Meta(
+        ge=1,
+        description=f"a number, 1..{LAST_STREAM_ID}",
+        extra_json_schema={"maximum": LAST_STREAM_ID},  # the other wire has more, and checks them
+    ),
+]
+"""Number of a stream: the first byte of each record."""
+_Codec: TypeAlias = Annotated[str, one_of(("cbor", "packed"))]
 
 
 class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -194,46 +120,54 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 class NodeEntry(Entry, frozen=True, kw_only=True):
     """One node of the fleet."""
 
-    address: int
-    """Acoustic address, 1…254."""
-    name: str
+    address: Address
+    """Acoustic address."""
+    name: _Name
     """Name, one chunk of a key; replaces `{node}` in a topic."""
-    heartbeat_s: float | None = None
+    heartbeat_s: _Heartbeat | None = None
     """Longest silence of the node, s; default: the section's value."""
-    lost_after_s: float | None = None
+    lost_after_s: Duration | None = None
     """The node is lost when not heard for this long, s; default: the section's value."""
 
 
 class LinkEntry(Entry, frozen=True, kw_only=True):
     """One modem."""
 
-    locator: str
+    locator: Annotated[
+        str,
+        Meta(
+            pattern="^/*[^/#]+/",
+            description='a text, NAME/ADDRESS#key=value, such as "sim/127.0.0.1:7000"',
+        ),
+    ]
     """Link, address and settings: ``NAME/ADDRESS#key=value``."""
-    name: str | None = None
+    name: Annotated[str, _LINK_CHUNK] | None = None
     """Name of the link, for streams and reports; a single link needs none."""
-    wire: str = WireProfile.NATIVE.value
+    wire: Annotated[str, one_of(each.value for each in WireProfile)] = WireProfile.NATIVE.value
     """Wire profile."""
-    allowed_topics: str | None = None
+    allowed_topics: (
+        Annotated[str, _file("rmw_desert's file of topics, such as ros_allowed_topics.conf")] | None
+    ) = None
     """rmw_desert's file of topics and ids, relative to this file; default: the streams have ids."""
-    access: dict[str, Any] | str | None = None
+    access: AccessSpec | Literal["auto"] | None = None
     """Medium access, read by `zacoustic.config.access`, or "auto", the default."""
-    max_airtime: float | None = None
+    max_airtime: Share | None = None
     """Share of the time that this node may be on the air on this link; default: the section's."""
-    max_frame_s: float | None = None
+    max_frame_s: _FrameTime | None = None
     """Longest airtime of a frame on this link, s; default: the section's."""
-    port: int | None = None
+    port: Annotated[int, Meta(ge=0, le=LAST_PORT)] | None = None
     """Number of the link in sealed frames, the same at all nodes; default: its place in the
     list."""
-    owners: tuple[int, ...] | None = None
+    owners: Nodes | None = None
     """Addresses of the nodes that have it; default: all. Several nodes may each have an entry with
     the same name and another locator."""
-    cost: dict[str, Any] | str | None = None
+    cost: LinkCost | Tariff | None = None
     """What a frame costs, for lists of links: `"free"`, `"airtime"`, the default, `"money"`, or the
     price of a byte and what a frame is rounded up to: `{ per_byte: 0.0032, quantum: 50 }`."""
-    probe_s: float | None = None
+    probe_s: Duration | None = None
     """Pause between two tries of the link when it reaches nobody, s; default: 5 s where frames are
     free, else 600 s."""
-    down_after_s: float | None = None
+    down_after_s: Duration | None = None
     """Silence after which the next link of a list is used, s; default: 3 s where frames are free,
     else 600 s."""
 
@@ -241,39 +175,30 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
 class RouteEntry(Entry, frozen=True, kw_only=True):
     """A line of nodes over which frames go from one end to the other, and back."""
 
-    id: int
+    id: RouteId
     """Number of the route on the channel, the same at all nodes."""
-    name: str
+    name: Annotated[str, _LINK_CHUNK]
     """Name of the link that the route is for its two ends."""
-    path: tuple[int, ...]
+    path: RoutePath
     """Addresses of the nodes, from one end to the other."""
-    link: str | None = None
+    link: Annotated[str, _LINK] | None = None
     """Name of the link of all hops; default: the first one."""
-    lifetime_s: float = 0.0
+    lifetime_s: DurationOrZero = 0.0
     """A frame that has been on its way for longer is dropped, s; 0: 60 s for each hop."""
-    probe_s: float | None = None
+    probe_s: Duration | None = None
     """As of a link, for lists that name the route; default: 600 s."""
-    down_after_s: float | None = None
+    down_after_s: Duration | None = None
     """As of a link, for lists that name the route; default: 600 s."""
-
-
-class RelayEntry(Entry, frozen=True, kw_only=True):
-    """How much the node does for the routes of others."""
-
-    max_airtime: float = 0.2
-    """Share of the time that it transmits frames of others."""
-    queue: int = 16
-    """How many frames of others it holds at most."""
 
 
 class FloodEntry(Entry, frozen=True, kw_only=True):
     """How frames of streams with `flood: true` go, equal in the fleet but for `max_airtime`."""
 
-    link: str | None = None
+    link: Annotated[str, _LINK] | None = None
     """Name of the link of all hops; default: the first one."""
-    hops: int = 3
+    hops: Hops = 3
     """How many hops they go at most."""
-    max_airtime: float = 0.05
+    max_airtime: Share = 0.05
     """Share of the time that this node passes frames of others on."""
 
 
@@ -282,88 +207,86 @@ class TypeEntry(Entry, frozen=True, kw_only=True):
 
     name: str
     """Name for streams and fields."""
-    fields: tuple[FieldSpec, ...] | None = None
+    fields: Annotated[tuple[FieldSpec, ...], Meta(title="a list of { name, type, … }")] | None = (
+        None
+    )
     """The fields in their order on the wire."""
-    python: str | None = None
+    python: (
+        Annotated[str, Meta(pattern="^[^.:][^:]*:.", description='a text, "module:Class"')] | None
+    ) = None
     """``module:Class`` of a `msgspec.Struct`."""
-
-
-class WildcardEntry(Entry, frozen=True, kw_only=True):
-    """A placeholder of a topic and its values."""
-
-    name: str
-    """Name between the braces."""
-    values: tuple[str, ...]
-    """Key chunks; the position crosses the channel."""
 
 
 class QuietEntry(Entry, frozen=True, kw_only=True, rename={"begin": "from", "end": "to"}):
     """Hours of each day in which the node transmits nothing."""
 
-    begin: str
+    begin: Annotated[str, _TIME]
     """Time of day in UTC, ``HH:MM``; `from` in the file."""
-    end: str
+    end: Annotated[str, _TIME]
     """Time of day in UTC, ``HH:MM``; `to` in the file."""
 
 
 class ObjectsEntry(Entry, frozen=True, kw_only=True):
     """Bounds of the memory for samples larger than a frame."""
 
-    max_bytes: int | None = None
+    max_bytes: ObjectBytes | None = None
     """Largest sample that the node sends or accepts, bytes."""
-    max_waiting: int | None = None
+    max_waiting: Transfers | None = None
     """Most outgoing objects under way or waiting."""
-    memory_bytes: int | None = None
+    memory_bytes: ObjectMemory | None = None
     """Most bytes of all incoming objects together."""
 
 
 class CarryEntry(Entry, frozen=True, kw_only=True):
     """How much this node carries for others."""
 
-    max_bytes: int = DEFAULT_MAX_BYTES
+    max_bytes: Annotated[int, Meta(ge=0, le=1 << 40, title="a number of bytes")] = DEFAULT_MAX_BYTES
     """Most bytes of samples of other nodes."""
 
 
 class RosEntry(Entry, frozen=True, kw_only=True):
     """ROS 2, for all ROS streams."""
 
-    distro: str = DEFAULT_DISTRO
+    distro: Annotated[str, Meta(title="the name of a ROS 2 distribution")] = DEFAULT_DISTRO
     """ROS 2 distribution: its interfaces and its form of keys."""
-    domain: int | None = None
+    domain: RosDomain | None = None
     """``ROS_DOMAIN_ID``; default: the environment's, or 0."""
-    namespace: str = ""
+    namespace: Annotated[str, Meta(title='a ROS namespace, such as "/auv1"')] = ""
     """Namespace of names without a leading slash."""
-    packages: str | None = None
+    packages: (
+        Annotated[str, _file("a folder of PACKAGE/msg/Name.msg, PACKAGE/srv/Name.srv and so on")]
+        | None
+    ) = None
     """Folder with the definitions of your own packages, relative to this file."""
 
 
 class StreamRosEntry(Entry, frozen=True, kw_only=True):
     """ROS 2, for one stream."""
 
-    stamp: str | None = None
+    stamp: Annotated[str, one_of(("exact", "drop", "age"))] | None = None
     """Treatment of `header.stamp`; default: it crosses unchanged."""
 
 
 class StreamEntry(Entry, frozen=True, kw_only=True):
     """The common keys of topics, services and actions."""
 
-    id: int
-    """Stream id, 1…175: the first byte of each record."""
-    priority: str = "data"
+    id: StreamId
+    """Stream id: the first byte of each record."""
+    priority: Annotated[str, one_of(PRIORITY_NAMES)] = "data"
     """Zenoh's priority, in lower case."""
-    linger_s: float = 0.0
+    linger_s: DurationOrZero = 0.0
     """How long a payload may wait for others in its frame, s."""
-    encoding: str | None = None
+    encoding: _Encoding | None = None
     """Zenoh encoding on the application side."""
-    codec: str | None = None
+    codec: _Codec | None = None
     """Codec on the channel."""
-    outside: str = "reject"
+    outside: Annotated[str, one_of(STREAM_OUTSIDE_WORDS)] = "reject"
     """Treatment of values that are more than the type says, for fields that say nothing."""
-    max_airtime: float | None = None
+    max_airtime: Share | None = None
     """Share of the time for which the stream may be on the air; default: no cap."""
-    link: str | None = None
+    link: Annotated[str, _WAY] | None = None
     """Name of the link that carries the stream; default: the first one."""
-    links: tuple[str, ...] | None = None
+    links: _Ways | None = None
     """Names of links: each frame goes by the first that reaches its receivers."""
     flood: bool = False
     """Every node passes its frames on, for emergencies."""
@@ -371,72 +294,63 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     """A ROS 2 stream on rmw_zenoh; default: a Zenoh stream."""
 
 
-class CarriedEntry(Entry, frozen=True, kw_only=True):
-    """Who carries a topic to subscribers that its publisher does not reach."""
-
-    by: tuple[int, ...]
-    """Nodes that take samples along, the nearest to the subscribers first."""
-    after_s: float = DEFAULT_AFTER_S
-    """A node is out of reach when not heard for this long, s."""
-    expires_s: float = DEFAULT_EXPIRES_S
-    """How long a sample is worth carrying, s."""
-
-
 class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """A topic."""
 
-    topic: str
+    codec: Annotated[str, one_of(CODECS)] | None = None
+    """Codec on the channel."""
+    topic: Annotated[str, _KEY]
     """Key expression, with placeholders in braces."""
-    type: str | None = None
+    type: Annotated[str, _TYPE] | None = None
     """Type of the samples; default: opaque bytes."""
-    publishers: tuple[int, ...] | None = None
+    publishers: _Publishers | None = None
     """Addresses that may publish; default: any."""
-    subscribers: tuple[int, ...] | None = None
+    subscribers: _Publishers | None = None
     """Addresses that subscribe; default: all."""
-    wildcards: tuple[WildcardEntry, ...] = ()
+    wildcards: tuple[Wildcard, ...] = ()
     """The placeholders of the topic, `{node}` excepted."""
-    depth: int = 1
+    depth: Depth = 1
     """Samples of a key that may wait."""
-    lifespan_s: float | None = None
+    lifespan_s: Duration | None = None
     """Age above which a sample is not sent any more, s."""
-    deadline_s: float | None = None
+    deadline_s: Deadline | None = None
     """Longest period between two samples of a key, s: a promise."""
-    min_interval_s: float = 0.0
+    min_interval_s: DurationOrZero = 0.0
     """Minimum time between two transmitted samples of one key, s."""
-    stamp: str = "none"
+    stamp: Stamp = Stamp.NONE
     """How the far side learns a sample's age."""
-    reliability: str = "best_effort"
+    reliability: Reliability = Reliability.BEST_EFFORT
     """Best effort or reliable, as in ROS."""
-    durability: str = "volatile"
+    durability: Durability = Durability.VOLATILE
     """Volatile or transient-local, as in ROS."""
-    local_publishers: int = 1
+    local_publishers: Annotated[int, Meta(ge=1, le=MOST_VALUES)] = 1
     """Publishers of a node with a depth of their own, of a latched topic; with `ros`: 4."""
-    forward: str = "always"
+    forward: Forward = Forward.ALWAYS
     """When samples cross the channel."""
     journal: bool = False
     """Samples survive a restart of this node."""
-    max_bytes: int | None = None
+    max_bytes: ObjectBytes | None = None
     """Largest sample, bytes; default: that of `objects`."""
     exclusive: bool = False
     """Samples larger than a frame are sent without pauses."""
-    carry: CarriedEntry | None = None
+    carry: Carry | None = None
     """Who carries samples to subscribers out of reach; default: nobody."""
 
 
 class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
     """A service."""
 
-    service: str
+    service: Annotated[str, _KEY]
     """Key expression."""
-    server: int
+    server: Node
     """Address of the node that serves."""
-    type: str | None = None
+    type: Annotated[str, _TYPE] | None = None
     """A ROS service, in place of `request` and `response`."""
-    request: str | None = None
+    request: Annotated[str, _TYPE] | None = None
     """Type of a request; default: opaque bytes."""
-    response: str | None = None
+    response: Annotated[str, _TYPE] | None = None
     """Type of a response; default: opaque bytes."""
-    timeout_s: float = 60.0
+    timeout_s: Duration = 60.0
     """Time after which a caller gives up, s."""
     journal: bool = True
     """Calls survive a restart of this node."""
@@ -445,89 +359,121 @@ class ServiceEntry(StreamEntry, frozen=True, kw_only=True):
 class ActionEntry(StreamEntry, frozen=True, kw_only=True):
     """An action."""
 
-    action: str
+    action: Annotated[str, _KEY]
     """Key expression."""
-    server: int
+    server: Node
     """Address of the node that serves."""
-    type: str | None = None
+    type: Annotated[str, _TYPE] | None = None
     """A ROS action, in place of `goal`, `feedback` and `result`."""
-    goal: str | None = None
+    goal: Annotated[str, _TYPE] | None = None
     """Type of a goal; default: opaque bytes."""
-    feedback: str | None = None
+    feedback: Annotated[str, _TYPE] | None = None
     """Type of feedback; default: opaque bytes."""
-    result: str | None = None
+    result: Annotated[str, _TYPE] | None = None
     """Type of a result; default: opaque bytes."""
-    timeout_s: float = 60.0
+    timeout_s: Duration = 60.0
     """Time after which a client gives up a goal without an answer, s."""
-    result_timeout_s: float = 3600.0
+    result_timeout_s: Duration = 3600.0
     """How long a server keeps a result, and a client waits while it hears nothing, s."""
-    feedback_interval_s: float = 0.0
+    feedback_interval_s: DurationOrZero = 0.0
     """Minimum time between two transmitted feedbacks of a goal, s."""
     journal: bool = True
     """Goals survive a restart of this node."""
 
 
+STREAMS: Final[dict[str, type[StreamEntry]]] = {
+    "topic": TopicEntry,
+    "service": ServiceEntry,
+    "action": ActionEntry,
+}
+"""Record of a stream by the key that tells its kind."""
+_STREAM: Final = Meta(
+    description="{ id, topic, … }, { id, service, … } or { id, action, … }",
+    extra={"tables": STREAMS},
+)
+
+
 class RangingEntry(Entry, frozen=True, kw_only=True):
     """A range that a node measures periodically."""
 
-    to: int
+    to: Annotated[Node, Meta(title="the address of another node")]
     """Address of the other node."""
-    every_s: float
+    every_s: Annotated[float, Meta(ge=LEAST_PERIOD_S, le=LONGEST_PERIOD_S, title="seconds")]
     """Time between two measurements, s."""
-    by: int | None = None
+    by: Node | None = None
     """Address of the measuring node; default: the node that reads the file."""
 
 
 class LostContactEntry(Entry, frozen=True, kw_only=True):
     """What a gateway does when its node hears nobody any more."""
 
-    name: str
+    name: _Name
     """Name of the entry, one chunk of a key."""
-    lost_after_s: float
+    lost_after_s: Duration
     """Silence after which contact is lost, s."""
-    of: tuple[int, ...] | None = None
+    of: (
+        Annotated[
+            tuple[Node, ...],
+            _nodes(
+                "a list of addresses of other nodes", ", and a frame of any other node is contact"
+            ),
+        ]
+        | None
+    ) = None
     """A frame of any of these nodes is contact; default: of any other node."""
-    call: str | None = None
+    call: Annotated[str, Meta(title="a text, the key of a service on the local network")] | None = (
+        None
+    )
     """Service on the local network to call then, until it answers."""
-    publish: str | None = None
+    publish: Annotated[str, Meta(title="a text, a key of the local network")] | None = None
     """Key of the local network to publish then, until somebody subscribes to it."""
     value: Any = None
     """Request of the call, or the sample; default: an empty payload."""
-    encoding: str | None = None
+    encoding: Annotated[str, one_of(TYPED_ENCODINGS)] | None = None
     """Encoding of the value; default: CBOR. A service of `streams` has its own."""
-    timeout_s: float = 10.0
+    timeout_s: Duration = 10.0
     """How long to wait for an answer before the next call, s."""
-    by: int | None = None
+    by: Node | None = None
     """Address of the node that acts; default: the node that reads the file."""
 
 
 class EmergencyEntry(Entry, frozen=True, kw_only=True):
     """What a node accepts from senders without a key."""
 
-    unsealed: tuple[str, ...] = ()
+    unsealed: Annotated[tuple[str, ...], Meta(title="a list of names of topics")] = ()
     """Best-effort topics accepted in frames without a seal, too: anybody can send them."""
 
 
 class SecurityEntry(Entry, frozen=True, kw_only=True):
     """The seal of frames."""
 
-    key: str
+    key: Annotated[str, _file("the key file that `zacoustic key new` has made")]
     """Key file of the fleet, or identity of this node, relative to this file."""
-    members: str | None = None
+    members: (
+        Annotated[str, _file("the list that `zacoustic key new --identity` has made")] | None
+    ) = None
     """List of members, if nodes have identities; default: `key` is the fleet's."""
-    mode: str = Mode.ENCRYPT.value
+    mode: Mode = Mode.ENCRYPT
     """Whether frames are encrypted, or readable for everybody; nobody can forge either."""
-    seal: str = Seals.ALL.value
+    seal: Seals = Seals.ALL
     """Whether the node transmits; if not, it needs no journal."""
-    strong: tuple[str, ...] = tuple(each.value for each in Strong)
+    strong: tuple[Strong, ...] = tuple(Strong)
     """Frames that get a tag of eight bytes in place of four."""
-    pad: tuple[int, ...] | None = None
+    pad: (
+        Annotated[
+            tuple[Annotated[int, Meta(ge=LEAST_PAD_BYTES, le=LARGEST_PAD_BYTES)], ...],
+            Meta(description="a list of lengths of frames, ascending"),
+        ]
+        | None
+    ) = None
     """The only lengths of frames, bytes; default: no padding."""
-    overlap_s: float = DEFAULT_OVERLAP_S
+    overlap_s: Annotated[float, Meta(ge=0, le=LONGEST_OVERLAP_S, title="seconds")] = (
+        DEFAULT_OVERLAP_S
+    )
     """How long after its start a node opens frames of the former generation of the key, s."""
-    reply_share: float = REPLY_SHARE
+    reply_share: Share = REPLY_SHARE
     """Share of the time that replies to each other node may take; see docs/security.md."""
-    lives: str = "lives"
+    lives: Annotated[str, _file("the folder of the life records")] = "lives"
     """Folder of the life records, relative to this file; never copy or restore it."""
     emergency: EmergencyEntry | None = None
     """What a node accepts from senders without a key; default: nothing."""
@@ -536,35 +482,39 @@ class SecurityEntry(Entry, frozen=True, kw_only=True):
 class Section(Entry, frozen=True, kw_only=True):
     """The section `plugins.acoustic`."""
 
-    address: int | None = None
+    address: Address | None = None
     """Acoustic address of this node; `--address` overrides it."""
     nodes: tuple[NodeEntry, ...] = ()
     """The fleet."""
-    agreement: str | None = None
+    agreement: AgreementMethod | None = None
     """How nodes learn that they share a table: `"confirm"` for few nodes, `"tag"` for many;
     default: `"confirm"`."""
     links: tuple[LinkEntry, ...] = ()
     """The modems, the first one for streams that name none; `--link` overrides them."""
     routes: tuple[RouteEntry, ...] = ()
     """Routes over other nodes, equal in the fleet."""
-    relay: RelayEntry | None = None
+    relay: RelayRules | None = None
     """How much this node does for the routes of others."""
     flood: FloodEntry | None = None
     """How frames go that every node passes on."""
-    default_links: tuple[str, ...] = ()
+    default_links: _Ways = ()
     """As `links` of a stream, for streams that name none, and for remote commands; default: the
     first link."""
-    types: tuple[TypeEntry, ...] = ()
+    types: Annotated[
+        tuple[TypeEntry, ...], Meta(title="a list of { name, fields } or { name, python }")
+    ] = ()
     """Types for streams and for other types."""
-    journal: str | None = None
+    journal: Annotated[str, _file("the folder of the journal")] | None = None
     """Folder of the journal, relative to this file; default: nothing survives a restart."""
-    streams: tuple[dict[str, Any], ...] = ()
+    streams: tuple[Annotated[dict[str, Any], _STREAM], ...] = ()
     """The streams that cross the channel."""
-    model: str | None = None
+    model: Annotated[str, _file("the file that `zacoustic codec fit` has made")] | None = None
     """File with the model of the dense streams, relative to this file; default: no model."""
     ranging: tuple[RangingEntry, ...] = ()
     """Ranges that nodes measure periodically."""
-    quiet: tuple[QuietEntry, ...] = ()
+    quiet: Annotated[
+        tuple[QuietEntry, ...], Meta(title='a list of { from: "22:00", to: "06:00" }')
+    ] = ()
     """Hours of each day in which the node transmits nothing."""
     ros: RosEntry | None = None
     """ROS 2, for all ROS streams."""
@@ -574,53 +524,31 @@ class Section(Entry, frozen=True, kw_only=True):
     """Bounds of the memory for samples larger than a frame."""
     carry: CarryEntry | None = None
     """How much this node carries for others."""
-    max_airtime: float | None = None
+    max_airtime: Share | None = None
     """Share of the time that this node may be on the air, on each link; default: no cap but the
     fair share."""
-    max_frame_s: float = MAX_FRAME_S
+    max_frame_s: _FrameTime = MAX_FRAME_S
     """Longest airtime of a frame, s: an emergency waits for the frame under way. Frames of 32 bytes
     may take longer."""
-    commands_from: tuple[int, ...] | None = None
+    commands_from: (
+        Annotated[tuple[Node, ...], Meta(title="a list of addresses of nodes; [] for nobody")]
+        | None
+    ) = None
     """Nodes whose remote commands this node executes; default: those of `nodes`."""
-    heartbeat_s: float | None = None
+    heartbeat_s: _Heartbeat | None = None
     """Longest silence of each node, s; default: no heartbeats."""
-    lost_after_s: float | None = None
+    lost_after_s: Duration | None = None
     """A node is lost when not heard for this long, s; default: never."""
-    lost_contact: tuple[LostContactEntry, ...] = ()
+    lost_contact: Annotated[
+        tuple[LostContactEntry, ...],
+        Meta(title="a list of { name, lost_after_s, call } or { name, lost_after_s, publish }"),
+    ] = ()
     """What the gateways do when they hear nobody any more."""
     security: SecurityEntry | None = None
     """The seal of frames; default: frames are neither encrypted nor authenticated."""
-    permit_log: str | None = None
+    permit_log: Annotated[str, _file("the file to append to")] | None = None
     """File to which the node appends each emission, relative to this file; default: none."""
-    metrics: str | None = None
+    metrics: Annotated[str, Meta(description='a text, "PORT" or "HOST:PORT"')] | None = None
     """Where the gateway answers Prometheus, PORT or HOST:PORT; default: nowhere."""
-    metrics_names: tuple[str, ...] = ()
+    metrics_names: tuple[Annotated[str, _HOST], ...] = ()
     """Host names under which Prometheus finds it, besides this computer's own and addresses."""
-
-
-RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
-    "": Section,
-    "nodes": NodeEntry,
-    "links": LinkEntry,
-    "slots": ScheduledSlot,
-    "routes": RouteEntry,
-    "relay": RelayEntry,
-    "flood": FloodEntry,
-    "types": TypeEntry,
-    "fields": FieldSpec,
-    "wildcards": WildcardEntry,
-    "ranging": RangingEntry,
-    "lost_contact": LostContactEntry,
-    "quiet": QuietEntry,
-    "objects": ObjectsEntry,
-    "streams.carry": CarriedEntry,
-    "carry": CarryEntry,
-    "security": SecurityEntry,
-    "emergency": EmergencyEntry,
-    "ros": RosEntry,
-    "streams.ros": StreamRosEntry,
-    "overlays": Overlay,
-    "overlays.fields": OverlayField,
-}
-"""Record of the table at a key, or of the entries of its list; "" for the section. If a key has
-another meaning below another key, that one stands before it."""

@@ -4,25 +4,15 @@ This module does not read the key file: planning, decoding and watching need a f
 configuration, but no key. `zacoustic.seal.keyring` reads it where frames are made.
 """
 
-import math
 from pathlib import Path
 
-from zacoustic.config.later import check_word
 from zacoustic.config.problems import SECTION_PATH, Place
-from zacoustic.config.sections import ALLOWED, SecurityEntry
+from zacoustic.config.sections import SecurityEntry
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.schedule.linkseal import SealRules
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.seal.spec import (
-    LARGEST_PAD_BYTES,
-    LEAST_PAD_BYTES,
-    LONGEST_OVERLAP_S,
-    Mode,
-    Seals,
-    SecuritySpec,
-    Strong,
-)
+from zacoustic.seal.spec import Seals, SecuritySpec
 
 
 def read_security(
@@ -41,29 +31,21 @@ def read_security(
     """
     if entry is None:
         return None
-    check_word(place.at("mode"), entry.mode, tuple(mode.value for mode in Mode))
-    check_word(place.at("seal"), entry.seal, tuple(each.value for each in Seals))
-    for index, word in enumerate(entry.strong):
-        check_word(place.at("strong").at(index), word, tuple(each.value for each in Strong))
     _check_lengths(place.at("pad"), entry.pad or ())
-    if not (math.isfinite(entry.overlap_s) and 0 <= entry.overlap_s <= LONGEST_OVERLAP_S):
-        place.at("overlap_s").refuse(allowed=ALLOWED["overlap_s"])
-    if not 0 < entry.reply_share <= 1:
-        place.at("reply_share").refuse(allowed=ALLOWED["reply_share"])
     unsealed = () if entry.emergency is None else entry.emergency.unsealed
     return SecuritySpec(
         source=f"{place.source}: {SECTION_PATH}{place.path}",
-        key=_path(place.at("key"), entry.key, folder),
-        lives=_path(place.at("lives"), entry.lives, folder),
+        key=place.at("key").path_of(entry.key, folder),
+        lives=place.at("lives").path_of(entry.lives, folder),
         members=None
         if entry.members is None
-        else _path(place.at("members"), entry.members, folder),
-        mode=Mode(entry.mode),
-        strong=frozenset(map(Strong, entry.strong)),
+        else place.at("members").path_of(entry.members, folder),
+        mode=entry.mode,
+        strong=frozenset(entry.strong),
         pad=entry.pad or (),
         overlap_s=entry.overlap_s,
         reply_share=entry.reply_share,
-        only_opens=Seals(entry.seal) is Seals.NONE,
+        only_opens=entry.seal is Seals.NONE,
         unsealed=_read_topics(place.at("emergency").at("unsealed"), unsealed, table),
     )
 
@@ -82,8 +64,6 @@ def seal_rules(security: SecuritySpec | None) -> SealRules:
 
 def _check_lengths(place: Place, lengths: tuple[int, ...]) -> None:
     for index, length in enumerate(lengths):
-        if not LEAST_PAD_BYTES <= length <= LARGEST_PAD_BYTES:
-            place.at(index).refuse(allowed=f"{LEAST_PAD_BYTES}..{LARGEST_PAD_BYTES}")
         if index and length <= lengths[index - 1]:
             place.at(index).refuse(
                 f"{length} behind {lengths[index - 1]}", allowed="ascending, each length once"
@@ -103,13 +83,3 @@ def _read_topics(place: Place, names: tuple[str, ...], table: StreamTable) -> fr
                 allowed=", ".join(topics) or "none, no such topic",
             )
     return frozenset(topics[name] for name in names)
-
-
-def _path(place: Place, written: str, folder: Path) -> Path:
-    key = place.path.rpartition(".")[2]
-    if not written or "\0" in written:
-        place.refuse(allowed=ALLOWED[key])
-    try:
-        return folder / Path(written).expanduser()
-    except RuntimeError:  # "~somebody" that this computer does not know
-        place.refuse(allowed=ALLOWED[key], hint="write it out")

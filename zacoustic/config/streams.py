@@ -1,26 +1,18 @@
 """The list `streams`: finds the kind of each entry by its keys, checks and declares it."""
 
 import re
-from collections.abc import Callable
-from typing import Final, TypeVar
+from typing import Any, Final
 
 import msgspec
 
-from zacoustic.config.later import check_word
 from zacoustic.config.problems import Place, shown
+from zacoustic.config.references import Known, check_references
 from zacoustic.config.ros import RosReader
-from zacoustic.config.sections import ALLOWED, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
-from zacoustic.core.base.qos import PRIORITY_NAMES, Durability, Forward, Qos, Reliability, Stamp
+from zacoustic.config.sections import STREAMS, ActionEntry, ServiceEntry, StreamEntry, TopicEntry
+from zacoustic.core.base.qos import PRIORITY_NAMES, Forward, Qos, Reliability
 from zacoustic.core.streams.carry import Carry
-from zacoustic.core.streams.keys import NODE_PLACEHOLDER, Wildcard
-from zacoustic.core.streams.specs import (
-    CODECS,
-    STREAM_OUTSIDE_WORDS,
-    ActionSpec,
-    ServiceSpec,
-    StreamSpec,
-    TopicSpec,
-)
+from zacoustic.core.streams.keys import NODE_PLACEHOLDER
+from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.objects.limits import LARGEST_BYTES
@@ -29,11 +21,9 @@ from zacoustic.core.values.encoding import LONGEST_ENCODING_BYTES, TYPED_ENCODIN
 from zacoustic.core.values.types import TypeTable
 from zacoustic.errors import ConfigError
 
-E = TypeVar("E", bound=StreamEntry)
-
-_KINDS: Final = ("topic", "service", "action")
 # Form of the errors of `Qos`: the key, the value, the allowed values.
 _QOS_REFUSAL: Final = re.compile(r"(\w+) is .*; allowed: (.*)")
+_TYPE_KEYS: Final = ("type", "request", "response", "goal", "feedback", "result")
 
 
 class Fleet(msgspec.Struct, frozen=True, kw_only=True):
@@ -41,6 +31,8 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
 
     nodes: dict[int, str]
     """Name of each node by address; empty if the fleet is not listed."""
+    known: Known
+    """What streams may refer to by a name or an address."""
     types: TypeTable
     """The types by name."""
     model: Model | None = None
@@ -75,78 +67,78 @@ def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> Stre
 
 
 def _read_stream(place: Place, fleet: Fleet, ros: RosReader) -> StreamSpec:
-    kinds = [kind for kind in _KINDS if kind in place.written]
+    kinds = [kind for kind in STREAMS if kind in place.written]
     if len(kinds) != 1:
-        what = " and ".join(kinds) if kinds else f"none of {', '.join(_KINDS)}"
-        place.refuse(what, allowed=f"one of {', '.join(_KINDS)}")
-    if kinds[0] == "topic":
-        return _read_topic(place, _resolved(place, "topic", TopicEntry, ros), fleet)
-    if kinds[0] == "service":
-        return _read_service(place, _resolved(place, "service", ServiceEntry, ros), fleet)
-    return _read_action(place, _resolved(place, "action", ActionEntry, ros), fleet)
-
-
-def _resolved(place: Place, kind: str, record: type[E], ros: RosReader) -> E:
-    """Read a table, with its ROS types and names resolved."""
-    place.convert(record)
-    return msgspec.convert(ros.resolve(place, kind), record)
-
-
-def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet) -> TopicSpec:
-    check_word(
-        place.at("reliability"), entry.reliability, tuple(each.value for each in Reliability)
+        what = " and ".join(kinds) if kinds else f"none of {', '.join(STREAMS)}"
+        place.refuse(what, allowed=f"one of {', '.join(STREAMS)}")
+    (kind,) = kinds
+    place.convert(STREAMS[kind])
+    entry = msgspec.convert(ros.resolve(place, kind), STREAMS[kind])
+    check_references(place, entry, None, fleet.known)
+    _check_codec(place, entry, fleet)
+    qos = _read_qos(place, entry)
+    if isinstance(entry, TopicEntry):
+        return _read_topic(place, entry, fleet, qos)
+    if isinstance(entry, ServiceEntry):
+        return ServiceSpec(
+            name=entry.service,
+            server=entry.server,
+            request_type=entry.request,
+            response_type=entry.response,
+            timeout_s=entry.timeout_s,
+            journal=entry.journal,
+            **_common(entry, qos),
+        )
+    assert isinstance(entry, ActionEntry)
+    return ActionSpec(
+        name=entry.action,
+        server=entry.server,
+        goal_type=entry.goal,
+        feedback_type=entry.feedback,
+        result_type=entry.result,
+        timeout_s=entry.timeout_s,
+        result_timeout_s=entry.result_timeout_s,
+        feedback_interval_s=entry.feedback_interval_s,
+        journal=entry.journal,
+        **_common(entry, qos),
     )
-    check_word(place.at("durability"), entry.durability, tuple(each.value for each in Durability))
-    check_word(place.at("forward"), entry.forward, tuple(forward.value for forward in Forward))
-    check_word(place.at("stamp"), entry.stamp, tuple(stamp.value for stamp in Stamp))
-    _check_type(place.at("type"), entry.type, fleet)
-    _check_codec(place, entry, is_typed=entry.type is not None)
-    _check_addresses(place.at("publishers"), entry.publishers, fleet)
-    _check_addresses(place.at("subscribers"), entry.subscribers, fleet)
+
+
+def _common(entry: StreamEntry, qos: Qos) -> dict[str, Any]:
+    """Return what the specifications of all kinds have."""
+    return {
+        "stream_id": entry.id,
+        "encoding": entry.encoding,
+        "codec": entry.codec or "cbor",
+        "outside": entry.outside,
+        "qos": qos,
+    }
+
+
+def _read_topic(place: Place, entry: TopicEntry, fleet: Fleet, qos: Qos) -> TopicSpec:
     if f"{{{NODE_PLACEHOLDER}}}" in entry.topic and not fleet.nodes:
         place.at("topic").refuse(
             f'"{entry.topic}" has {{node}}, and nodes is empty', allowed="with nodes listed"
         )
-    qos = _read_qos(
-        place,
-        lambda: Qos(
-            priority=PRIORITY_NAMES[entry.priority],
-            reliability=Reliability(entry.reliability),
-            durability=Durability(entry.durability),
-            depth=entry.depth,
-            lifespan_s=entry.lifespan_s,
-            deadline_s=entry.deadline_s,
-            min_interval_s=entry.min_interval_s,
-            linger_s=entry.linger_s,
-            max_airtime=entry.max_airtime,
-            stamp=Stamp(entry.stamp),
-            forward=Forward(entry.forward),
-            exclusive=entry.exclusive,
-        ),
-    )
     _check_large(place, entry, fleet)
     _check_reliability(place, entry, fleet)
     if qos.forward is Forward.ON_DEMAND and not (fleet.nodes or entry.publishers):
         place.at("publishers").refuse(
             "is missing, and so is nodes: nobody is known who could be asked for the topic",
-            allowed=ALLOWED["publishers"],
+            allowed=place.at("publishers").allowed,
             hint="list the publishers here, or the fleet under nodes",
         )
     return TopicSpec(
-        stream_id=entry.id,
         name=entry.topic,
         type_name=entry.type,
         publishers=entry.publishers,
         subscribers=entry.subscribers,
-        wildcards=tuple(Wildcard(name=each.name, values=each.values) for each in entry.wildcards),
+        wildcards=entry.wildcards,
         local_publishers=entry.local_publishers,
-        encoding=entry.encoding,
-        codec=entry.codec or "cbor",
-        outside=entry.outside,
-        qos=qos,
         max_bytes=entry.max_bytes,
         journal=entry.journal,
         carry=_read_carried(place.at("carry"), entry, fleet),
+        **_common(entry, qos),
     )
 
 
@@ -159,7 +151,6 @@ def _read_carried(place: Place, entry: TopicEntry, fleet: Fleet) -> Carry | None
         place.refuse('on wire: "rmw_desert"', allowed='on wire: "native"')
     if not fleet.nodes:
         place.refuse("without nodes", allowed="with the fleet listed under nodes")
-    _check_addresses(place.at("by"), written.by, fleet)
     ends = {*(entry.publishers or ()), *(entry.subscribers or ())}
     for index, address in enumerate(written.by):
         if entry.subscribers is not None and set(entry.subscribers) == {address}:
@@ -168,77 +159,16 @@ def _read_carried(place: Place, entry: TopicEntry, fleet: Fleet) -> Carry | None
             )
     if ends and ends <= set(written.by):
         place.at("by").refuse(allowed="nodes between publishers and subscribers")
-    return Carry(by=written.by, after_s=written.after_s, expires_s=written.expires_s)
-
-
-def _read_service(place: Place, entry: ServiceEntry, fleet: Fleet) -> ServiceSpec:
-    _check_type(place.at("request"), entry.request, fleet)
-    _check_type(place.at("response"), entry.response, fleet)
-    is_typed = entry.request is not None or entry.response is not None
-    _check_codec(place, entry, is_typed=is_typed)
-    check_address(place.at("server"), entry.server, fleet)
-    qos = _read_qos(
-        place,
-        lambda: Qos(
-            priority=PRIORITY_NAMES[entry.priority],
-            linger_s=entry.linger_s,
-            max_airtime=entry.max_airtime,
-        ),
-    )
-    return ServiceSpec(
-        stream_id=entry.id,
-        name=entry.service,
-        server=entry.server,
-        request_type=entry.request,
-        response_type=entry.response,
-        timeout_s=entry.timeout_s,
-        encoding=entry.encoding,
-        codec=entry.codec or "cbor",
-        outside=entry.outside,
-        qos=qos,
-        journal=entry.journal,
-    )
-
-
-def _read_action(place: Place, entry: ActionEntry, fleet: Fleet) -> ActionSpec:
-    names = {"goal": entry.goal, "feedback": entry.feedback, "result": entry.result}
-    for key, name in names.items():
-        _check_type(place.at(key), name, fleet)
-    _check_codec(place, entry, is_typed=any(name is not None for name in names.values()))
-    check_address(place.at("server"), entry.server, fleet)
-    qos = _read_qos(
-        place,
-        lambda: Qos(
-            priority=PRIORITY_NAMES[entry.priority],
-            linger_s=entry.linger_s,
-            max_airtime=entry.max_airtime,
-        ),
-    )
-    return ActionSpec(
-        stream_id=entry.id,
-        name=entry.action,
-        server=entry.server,
-        goal_type=entry.goal,
-        feedback_type=entry.feedback,
-        result_type=entry.result,
-        timeout_s=entry.timeout_s,
-        result_timeout_s=entry.result_timeout_s,
-        feedback_interval_s=entry.feedback_interval_s,
-        encoding=entry.encoding,
-        codec=entry.codec or "cbor",
-        outside=entry.outside,
-        qos=qos,
-        journal=entry.journal,
-    )
+    return written
 
 
 def _check_reliability(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
     """Check that some node acknowledges, and that a journal is of use."""
-    if entry.reliability == Reliability.RELIABLE.value:
+    if entry.reliability is Reliability.RELIABLE:
         if entry.subscribers is None and not fleet.nodes:
             place.at("subscribers").refuse(
                 "is missing, and so is nodes: nobody is known to acknowledge a reliable topic",
-                allowed=ALLOWED["subscribers"],
+                allowed=place.at("subscribers").allowed,
                 hint="list the subscribers here, or the fleet under nodes",
             )
         others = set(fleet.nodes if entry.subscribers is None else entry.subscribers)
@@ -260,33 +190,33 @@ def _check_large(place: Place, entry: TopicEntry, fleet: Fleet) -> None:
         ("max_bytes", entry.max_bytes is not None),
         ("exclusive", entry.exclusive),
     ):
-        if is_written and entry.reliability != Reliability.RELIABLE.value:
+        if is_written and entry.reliability is not Reliability.RELIABLE:
             place.at(key).refuse(
                 f"{shown(place.at(key).written)} for a best-effort topic, "
                 "whose samples fit a frame",
                 allowed="with reliability: reliable",
                 hint=f"say reliability, or leave {key} out",
             )
-    if entry.max_bytes is not None and not 1 <= entry.max_bytes <= fleet.largest_bytes:
+    if entry.max_bytes is not None and entry.max_bytes > fleet.largest_bytes:
         place.at("max_bytes").refuse(
             allowed=f"1..{fleet.largest_bytes}", hint="objects.max_bytes is the most"
         )
 
 
-def _check_codec(place: Place, entry: StreamEntry, *, is_typed: bool) -> None:
-    """Check codec, encoding and priority."""
-    check_word(place.at("priority"), entry.priority, tuple(PRIORITY_NAMES))
-    check_word(place.at("outside"), entry.outside, STREAM_OUTSIDE_WORDS)
+def _check_codec(place: Place, entry: StreamEntry, fleet: Fleet) -> None:
+    """Check the types of a stream, and what its codec, encoding and `outside` need of them."""
+    types = {key: getattr(entry, key, None) for key in _TYPE_KEYS}
+    for key, name in types.items():
+        _check_type(place.at(key), name, fleet)
+    is_typed = any(types.values())
     if entry.outside == "clamp" and not is_typed:
         place.at("outside").refuse('"clamp" for opaque bytes', allowed="for typed streams")
-    if entry.codec is not None:
-        check_word(place.at("codec"), entry.codec, tuple(CODECS))
-        if entry.codec == "cbor" and not is_typed:
-            place.at("codec").refuse(
-                f'"{entry.codec}" for opaque bytes',
-                allowed="typed streams; here packed, for topics dense, or none",
-                hint="add a type",
-            )
+    if entry.codec == "cbor" and not is_typed:
+        place.at("codec").refuse(
+            f'"{entry.codec}" for opaque bytes',
+            allowed="typed streams; here packed, for topics dense, or none",
+            hint="add a type",
+        )
     if entry.encoding is None:
         return
     if is_typed and entry.encoding.split(";", 1)[0] not in TYPED_ENCODINGS:
@@ -305,37 +235,14 @@ def _check_type(place: Place, name: str | None, fleet: Fleet) -> None:
         place.refuse(f'"{name}" is not known', allowed=allowed, hint=error.hint)
 
 
-def _check_addresses(place: Place, addresses: tuple[int, ...] | None, fleet: Fleet) -> None:
-    if addresses is None:
-        return
-    if not addresses:
-        place.refuse(allowed="at least one address", hint="leave it out for all nodes")
-    for index, address in enumerate(addresses):
-        check_address(place.at(index), address, fleet)
-        if address in addresses[:index]:
-            place.at(index).refuse(f"{address} a second time", allowed="each address once")
-
-
-def check_address(place: Place, address: int, fleet: Fleet) -> None:
-    """Check the address that is written at `place`.
-
-    Raises:
-        ConfigError: No node of the fleet has the address, or no node can.
-    """
-    if fleet.nodes and address not in fleet.nodes:
-        known = ", ".join(f"{known} ({name})" for known, name in fleet.nodes.items())
-        place.refuse(f"{address} is no node", allowed=known, hint="add it to nodes")
-    if not 1 <= address <= 254:
-        place.refuse(allowed=ALLOWED["address"])
-
-
-def _read_qos(place: Place, make: Callable[[], Qos]) -> Qos:
+def _read_qos(place: Place, entry: StreamEntry) -> Qos:
+    """Return the QoS that the keys of a stream say."""
+    keys = {key: getattr(entry, key) for key in Qos.__struct_fields__ if hasattr(entry, key)}
     try:
-        return make()
+        return Qos(**keys | {"priority": PRIORITY_NAMES[entry.priority]})
     except ValueError as error:
         refusal = _QOS_REFUSAL.fullmatch(str(error))
-        if refusal is None:
-            place.refuse(str(error))
+        assert refusal is not None
         place.at(refusal[1]).refuse(allowed=refusal[2])
 
 

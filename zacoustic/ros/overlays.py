@@ -8,10 +8,13 @@ an outer type for the same member come first, and of two rules for one member th
 
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
+from typing import Annotated
 
 import msgspec
+from msgspec import Meta
 
 from zacoustic.core.values.types import FieldSpec
+from zacoustic.core.values.types.fields import Length, Names, Outside, Span, Step
 from zacoustic.errors import ConfigError
 
 Constant = bool | int | float | str
@@ -20,23 +23,23 @@ Constant = bool | int | float | str
 class OverlayField(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A rule for the members that a path names; the rest stays as defined."""
 
-    field: str
+    field: Annotated[str, Meta(title="members, parted by dots; * stands for any one")]
     """Path of the members, by dots; ``*`` stands for any one name."""
-    range: tuple[int | float, int | float] | None = None
+    range: Span | None = None
     """As in `FieldSpec`."""
-    step: int | float | None = None
+    step: Step | None = None
     """As in `FieldSpec`."""
     unit: str | None = None
     """As in `FieldSpec`."""
     wraps: bool | None = None
     """As in `FieldSpec`."""
-    outside: str | None = None
+    outside: Outside | None = None
     """As in `FieldSpec`."""
     nan: bool | None = None
     """As in `FieldSpec`."""
-    values: tuple[str, ...] = ()
+    values: Names = ()
     """The values that a string can have: it becomes an enum."""
-    max_length: int | None = None
+    max_length: Length | None = None
     """Largest number of elements of a sequence, or of bytes of a string."""
     constant: Constant | None = None
     """The only allowed value: it does not cross."""
@@ -47,7 +50,7 @@ class OverlayField(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 class Overlay(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Rules for one ROS type."""
 
-    type: str
+    type: Annotated[str, Meta(title="a text, the name of a ROS type")]
     """Name of the type."""
     fields: tuple[OverlayField, ...]
     """The rules; a later one wins."""

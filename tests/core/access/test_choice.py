@@ -80,10 +80,10 @@ def test_choice_that_cannot_work_on_a_link_says_why(
 @pytest.mark.parametrize(
     ("settings", "reason"),
     [
-        ({"slots": ()}, "slots: 0 slots; allowed: 1..1024"),
-        ({"slots": (1, 255)}, r"slots\[1\]: 255; allowed: an address"),
-        ({"slot_s": 0.0}, "slot_s: 0; allowed: above 0"),
-        ({"clock_error_s": -0.1}, "clock_error_s: -0.1; allowed: 0 or more"),
+        ({"slots": ()}, "slots: \\(\\); allowed: a list of addresses of nodes, 1..1024"),
+        ({"slots": (1, 255)}, r"slots\[1\]: 255; allowed: the address of a node"),
+        ({"slot_s": 0.0}, "slot_s: 0.0; allowed: seconds, above 0"),
+        ({"clock_error_s": -0.1}, "clock_error_s: -0.1; allowed: seconds, 0 or more"),
         ({"max_range_m": None}, "guard_s: is missing; allowed: exactly one of"),
         ({"guard_s": 1.0}, "guard_s: beside max_range_m; allowed: exactly one of"),
         ({"max_range_m": None, "guard_s": 0.02}, "no time for sound to travel"),
@@ -104,11 +104,11 @@ def test_schedule_that_cannot_work_anywhere_says_why(
 @pytest.mark.parametrize(
     ("settings", "reason"),
     [
-        ({"nodes": ()}, "nodes: nobody to poll"),
+        ({"nodes": ()}, "nodes: \\(\\); allowed: a list of addresses of nodes, at least 1"),
         ({"nodes": (1, 2)}, "nodes: 1 is the poller"),
         ({"nodes": (0,)}, r"nodes\[0\]: 0; allowed"),
         ({"poller": 300}, r"poller: 300; allowed"),
-        ({"turn_s": 6.0}, "turn_s: 6; allowed: above 0, at most 5.1"),
+        ({"turn_s": 6.0}, "turn_s: 6.0; allowed: seconds, above 0, at most 5.1"),
     ],
 )
 def test_polling_that_cannot_work_anywhere_says_why(

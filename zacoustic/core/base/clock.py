@@ -10,7 +10,9 @@ The core never asks for the time. A shell passes it in: the runtime from ``time.
 the virtual network from its event heap.
 """
 
-from typing import Final, Protocol
+from typing import Annotated, Final, Protocol, TypeAlias
+
+from msgspec import Meta
 
 NS_PER_S: Final = 1_000_000_000
 """Nanoseconds in a second."""
@@ -20,6 +22,18 @@ LONGEST_S: Final = 1e9
 """The longest one, s; beyond these bounds the arithmetic fails, and no use is known."""
 DURATIONS: Final = f"{SHORTEST_S:g}..{LONGEST_S:g} s"
 """The bounds in words."""
+
+Duration: TypeAlias = Annotated[
+    float,
+    Meta(
+        ge=SHORTEST_S, le=LONGEST_S, description=f"seconds, above 0, {SHORTEST_S:g}..{LONGEST_S:g}"
+    ),
+]
+"""A duration that users write, s."""
+DurationOrZero: TypeAlias = Annotated[float, Meta(ge=0, le=LONGEST_S, title="seconds")]
+"""The same where 0 has a meaning."""
+Share: TypeAlias = Annotated[float, Meta(gt=0, le=1, title="a share")]
+"""A share of the time."""
 
 
 class Clock(Protocol):

@@ -6,9 +6,10 @@ frozen; instants are ns on the node's monotonic clock.
 """
 
 import enum
-from typing import Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
 from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.errors import ConfigError
@@ -19,6 +20,12 @@ ONE_LINK: Final = "link"
 """Name of the link of a node with a single, unnamed link."""
 UNKNOWN_SOURCE: Final = 0
 """Stands for the address of a sender that neither the link nor the frame names."""
+Address: TypeAlias = Annotated[int, Meta(ge=1, le=254, title="an address")]
+"""Acoustic address of a node."""
+Node: TypeAlias = Annotated[Address, Meta(title="the address of a node", extra={"refers": "nodes"})]
+"""Address that names a node of the fleet."""
+Nodes: TypeAlias = Annotated[tuple[Node, ...], Meta(title="a list of addresses of nodes")]
+"""Several of them."""
 
 
 MAX_FRAME_S: Final = 4.0

@@ -8,11 +8,13 @@ new payload can get in front of it.
 """
 
 import enum
-from typing import Final
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
-from zacoustic.core.base.clock import DURATIONS, LONGEST_S, is_duration, seconds_to_ns
+from zacoustic.core.base.clock import LONGEST_S, Duration, DurationOrZero, Share, seconds_to_ns
+from zacoustic.text.allowed import check_fields
 
 
 class Priority(enum.IntEnum):
@@ -45,6 +47,10 @@ PATIENCE_NS: Final = {
 
 LEAST_DEADLINE_S: Final = 0.1
 """Shorter than any frame, so that a missed deadline is reported at most ten times a second."""
+Deadline: TypeAlias = Annotated[float, Meta(ge=LEAST_DEADLINE_S, le=LONGEST_S, title="seconds")]
+"""Longest promised period, s."""
+Depth: TypeAlias = Annotated[int, Meta(ge=1, le=65535)]
+"""Samples of a key that may wait."""
 
 
 class Reliability(enum.Enum):
@@ -93,17 +99,17 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     """What happens to a lost sample."""
     durability: Durability = Durability.VOLATILE
     """Which samples late joiners get. Local to each side: it changes nothing on the channel."""
-    depth: int = 1
+    depth: Depth = 1
     """Samples kept per key while they wait, or while a subscriber has not acknowledged them, ≥ 1; a
     newer one displaces the oldest."""
-    lifespan_s: float | None = None
+    lifespan_s: Duration | None = None
     """A sample older than this is no longer sent, s, > 0; None: never too old."""
-    deadline_s: float | None = None
+    deadline_s: Deadline | None = None
     """Longest promised period between two samples of a key, s, ≥ 0.1, > min_interval_s; None: no
     promise (`zacoustic.core.transport.topics.deadlines`)."""
-    min_interval_s: float = 0.0
+    min_interval_s: DurationOrZero = 0.0
     """Minimum time between two transmitted samples of one key, s, ≥ 0; the newest wins."""
-    linger_s: float = 0.0
+    linger_s: DurationOrZero = 0.0
     """How long a sample may wait for others in its frame, s, ≥ 0; REAL_TIME never lingers."""
     stamp: Stamp = Stamp.NONE
     """How the receiver learns the age."""
@@ -112,8 +118,7 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
     exclusive: bool = False
     """Whether a payload larger than a frame is sent without listen windows: about a tenth sooner,
     but no other node is heard meanwhile."""
-
-    max_airtime: float | None = None
+    max_airtime: Share | None = None
     """Share of the time that the stream may transmit, above 0, at most 1; None: no cap."""
 
     def __post_init__(self) -> None:
@@ -122,27 +127,12 @@ class Qos(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ValueError: States field, value and the allowed values.
         """
-        if not 1 <= self.depth <= 65535:
-            raise ValueError(f"depth is {self.depth}; allowed: 1..65535")
-        if self.lifespan_s is not None and not is_duration(self.lifespan_s):
-            raise ValueError(f"lifespan_s is {self.lifespan_s}; allowed: above 0, {DURATIONS}")
-        for name in ("min_interval_s", "linger_s"):
-            value = getattr(self, name)
-            if not is_duration(value, or_zero=True):
-                raise ValueError(f"{name} is {value}; allowed: 0 or more, {DURATIONS}")
-        if self.deadline_s is not None:
-            if not LEAST_DEADLINE_S <= self.deadline_s <= LONGEST_S:
-                raise ValueError(
-                    f"deadline_s is {self.deadline_s}; "
-                    f"allowed: {LEAST_DEADLINE_S} or more, to {LONGEST_S:g}"
-                )
-            if self.deadline_s <= self.min_interval_s:
-                raise ValueError(
-                    f"deadline_s is {self.deadline_s}; "
-                    f"allowed: above min_interval_s, which is {self.min_interval_s:g}"
-                )
-        if self.max_airtime is not None and not 0 < self.max_airtime <= 1:
-            raise ValueError(f"max_airtime is {self.max_airtime}; allowed: above 0, at most 1")
+        check_fields(self)
+        if self.deadline_s is not None and self.deadline_s <= self.min_interval_s:
+            raise ValueError(
+                f"deadline_s is {self.deadline_s}; "
+                f"allowed: above min_interval_s, which is {self.min_interval_s:g}"
+            )
 
     @property
     def deadline_ns(self) -> int | None:

@@ -1,14 +1,16 @@
 """A bond: a list of links of which each frame takes the first that reaches its receivers."""
 
 import enum
-import math
-from typing import Final
+import sys
+from typing import Annotated, Final
 
 import msgspec
+from msgspec import Meta
 
-from zacoustic.core.base.clock import DURATIONS, is_duration
+from zacoustic.core.base.clock import DurationOrZero
 from zacoustic.core.wire.relay import LAST_ROUTE
 from zacoustic.errors import ConfigError
+from zacoustic.text.allowed import check_fields
 
 PROBE_S: Final = 5.0
 """Pause between two questions whether a link reaches anybody again, s."""
@@ -32,10 +34,10 @@ class LinkCost(enum.Enum):
 class Tariff(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What frames cost on a link that costs money."""
 
-    per_byte: float
-    """Price of a byte that is paid for, above 0, in any currency."""
-    quantum: int = 1
-    """A frame is paid for as the next multiple of so many bytes, ≥ 1."""
+    per_byte: Annotated[float, Meta(gt=0, le=sys.float_info.max)]
+    """Price of a byte that is paid for, in any currency."""
+    quantum: Annotated[int, Meta(ge=1)] = 1
+    """A frame is paid for as the next multiple of so many bytes."""
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -43,10 +45,7 @@ class Tariff(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         Raises:
             ConfigError: One is outside its range.
         """
-        if not 0 < self.per_byte < math.inf:
-            raise ConfigError(f"per_byte is {self.per_byte}; allowed: above 0")
-        if self.quantum < 1:
-            raise ConfigError(f"quantum is {self.quantum}; allowed: at least 1")
+        check_fields(self, ConfigError)
 
 
 class BondLink(msgspec.Struct, frozen=True, kw_only=True):
@@ -56,10 +55,10 @@ class BondLink(msgspec.Struct, frozen=True, kw_only=True):
     """What a frame costs."""
     tariff: Tariff | None = None
     """The prices, where it costs money; None: they are not known."""
-    probe_s: float = 0.0
+    probe_s: DurationOrZero = 0.0
     """Pause between two tries of a link that is out of use, s; 0: 5 s, or 600 s where frames
     cost."""
-    down_after_s: float = 0.0
+    down_after_s: DurationOrZero = 0.0
     """Silence after which it is out of use, s; 0: 3 s, or 600 s where frames cost."""
 
     def __post_init__(self) -> None:
@@ -68,10 +67,7 @@ class BondLink(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: One is outside its range.
         """
-        for name in ("probe_s", "down_after_s"):
-            value = getattr(self, name)
-            if not is_duration(value, or_zero=True):
-                raise ConfigError(f"{name} is {value}; allowed: 0, {DURATIONS}")
+        check_fields(self, ConfigError)
         if self.tariff is not None and not self.costs_money:
             raise ConfigError(f"a tariff with cost {self.cost.value}; allowed: with money")
 

@@ -1,13 +1,16 @@
 """What a file says of flooding: how far frames go, and what a node does for those of others."""
 
-from typing import Final
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
+from zacoustic.core.base.clock import Share
 from zacoustic.core.base.linktypes import LinkCapabilities
 from zacoustic.core.relay.tunnel import capabilities_through
 from zacoustic.core.wire.flood import HEADER_BYTES, MOST_HOPS
 from zacoustic.errors import ConfigError
+from zacoustic.text.allowed import check_fields
 
 FLOOD_NAME: Final = "flood"
 """Name of the link that flooding is for the streams."""
@@ -15,6 +18,8 @@ SPREAD_FRAMES: Final = 2
 """A node with one further neighbour passes a frame on after a pause of up to so many largest
 frames."""
 _WAYS: Final = 2
+Hops: TypeAlias = Annotated[int, Meta(ge=1, le=MOST_HOPS)]
+"""How many hops frames go at most."""
 
 
 class Flood(msgspec.Struct, frozen=True, kw_only=True):
@@ -22,10 +27,10 @@ class Flood(msgspec.Struct, frozen=True, kw_only=True):
 
     link: str
     """Name of the link of all hops."""
-    hops: int = 3
-    """How many hops they go at most, 1…4."""
-    max_airtime: float = 0.05
-    """Share of the time that a node passes frames of others on, above 0, at most 1."""
+    hops: Hops = 3
+    """How many hops they go at most."""
+    max_airtime: Share = 0.05
+    """Share of the time that a node passes frames of others on."""
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -33,12 +38,7 @@ class Flood(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: One is outside its range.
         """
-        if not 1 <= self.hops <= MOST_HOPS:
-            raise ConfigError(f"flood: hops is {self.hops}; allowed: 1..{MOST_HOPS}")
-        if not 0 < self.max_airtime <= 1:
-            raise ConfigError(
-                f"flood: max_airtime is {self.max_airtime}; allowed: above 0, at most 1"
-            )
+        check_fields(self, ConfigError)
 
     def unit_s(self, hop: LinkCapabilities) -> float:
         """Return the propagation delay of flooding as a link, s.

@@ -32,11 +32,12 @@ import zlib
 from collections import OrderedDict
 from collections.abc import Callable, Mapping, Set
 from functools import partial
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
+from msgspec import Meta
 
-from zacoustic.core.base.clock import NS_PER_S, seconds_to_ns
+from zacoustic.core.base.clock import NS_PER_S, Share, seconds_to_ns
 from zacoustic.core.base.linktypes import (
     BROADCAST,
     LinkCapabilities,
@@ -80,13 +81,13 @@ Deliver = Callable[[Route, ReceivedFrame, int], None]
 _Seen = tuple[Number, int]
 
 
-class RelayRules(msgspec.Struct, frozen=True, kw_only=True):
+class RelayRules(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """How much a node does for others."""
 
-    max_airtime: float = 0.2
-    """Share of the time that it transmits frames of others, above 0, at most 1."""
-    queue: int = 16
-    """How many frames it has in custody at most, 1…256."""
+    max_airtime: Share = 0.2
+    """Share of the time that it transmits frames of others."""
+    queue: Annotated[int, Meta(ge=1, le=MOST_IN_CUSTODY)] = 16
+    """How many frames it has in custody at most."""
 
 
 class Hop(msgspec.Struct, frozen=True, kw_only=True):

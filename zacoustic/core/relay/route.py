@@ -1,14 +1,16 @@
 """A route: the nodes over which frames go from one end to the other, and back."""
 
-from typing import Final
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
-from zacoustic.core.base.clock import DURATIONS, is_duration
-from zacoustic.core.base.linktypes import LinkCapabilities
+from zacoustic.core.base.clock import DurationOrZero
+from zacoustic.core.base.linktypes import LinkCapabilities, Node
 from zacoustic.core.relay.tunnel import capabilities_through
 from zacoustic.core.wire.relay import HEADER_BYTES, LAST_ROUTE
 from zacoustic.errors import ConfigError
+from zacoustic.text.allowed import check_fields
 
 MOST_NODES: Final = 16
 """The most nodes of a path."""
@@ -18,19 +20,32 @@ _PARTS_OF_LIFETIME: Final = 4
 """A duplicate comes within four units of a link, so that a unit of a route is this part of its
 lifetime."""
 
+RouteId: TypeAlias = Annotated[int, Meta(ge=1, le=LAST_ROUTE)]
+"""Number of a route on the wire."""
+RoutePath: TypeAlias = Annotated[
+    tuple[Node, ...],
+    Meta(
+        min_length=2,
+        max_length=MOST_NODES,
+        description=f"2..{MOST_NODES} addresses, from one end to the other, each once",
+        extra={"unique": True},
+    ),
+]
+"""Addresses of the nodes of a route, from one end to the other."""
+
 
 class Route(msgspec.Struct, frozen=True, kw_only=True):
     """A line of nodes; each hears at least its neighbours in it."""
 
-    route_id: int
-    """Its number on the wire, 1…31, the same at all its nodes."""
+    route_id: RouteId
+    """Its number on the wire, the same at all its nodes."""
     name: str
     """Name of the link that it is for its two ends."""
-    path: tuple[int, ...]
-    """Addresses from one end to the other, 2…16 different ones."""
+    path: RoutePath
+    """Addresses from one end to the other."""
     link: str
     """Name of the link of all its hops."""
-    lifetime_s: float = 0.0
+    lifetime_s: DurationOrZero = 0.0
     """A frame that has been on its way for longer is dropped, s; 0: 60 s for each hop."""
 
     def __post_init__(self) -> None:
@@ -39,20 +54,7 @@ class Route(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: One is outside its range.
         """
-        if not 1 <= self.route_id <= LAST_ROUTE:
-            raise ConfigError(f"route {self.route_id}: allowed: 1..{LAST_ROUTE}")
-        path = self.path
-        if not 2 <= len(path) <= MOST_NODES or len(set(path)) < len(path):
-            raise ConfigError(
-                f"route {self.route_id}: path is {list(path)}; allowed: 2..{MOST_NODES} addresses, "
-                "each once"
-            )
-        if not all(1 <= each <= 254 for each in path):
-            raise ConfigError(f"route {self.route_id}: path is {list(path)}; allowed: 1..254")
-        if not is_duration(self.lifetime_s, or_zero=True):
-            raise ConfigError(
-                f"route {self.route_id}: lifetime_s is {self.lifetime_s}; allowed: 0, {DURATIONS}"
-            )
+        check_fields(self, ConfigError)
 
     @property
     def hops(self) -> int:

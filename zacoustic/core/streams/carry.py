@@ -5,13 +5,16 @@ is for one node: the value of its only wildcard is the address of that node. A t
 of its topics is carried; like the stream of remote commands it is in no digest.
 """
 
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
+from msgspec import Meta
 
-from zacoustic.core.base.clock import DURATIONS, is_duration
+from zacoustic.core.base.clock import Duration
+from zacoustic.core.base.linktypes import Node
 from zacoustic.core.streams.keys import MOST_VALUES, Wildcard
 from zacoustic.errors import ConfigError
+from zacoustic.text.allowed import check_fields
 
 CARRY_STREAM_ID: Final = 0xAB
 CARRY_NAME: Final = "carried/{to}"
@@ -29,35 +32,33 @@ DEFAULT_MAX_BYTES: Final = 64 << 20
 """How many bytes a node carries for others unless its config says otherwise."""
 
 
-class Carry(msgspec.Struct, frozen=True, kw_only=True):
+_CUSTODIANS: Final = Meta(
+    min_length=1,
+    max_length=MOST_CUSTODIANS,
+    description=f"1..{MOST_CUSTODIANS} addresses of nodes, each once",
+    extra={
+        "hint": "name the nodes that take samples along, the nearest to the subscribers first",
+        "unique": True,
+    },
+)
+
+
+class Carry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Who carries the samples of a topic to subscribers that its publisher does not reach."""
 
-    by: tuple[int, ...]
+    by: Annotated[tuple[Node, ...], _CUSTODIANS]
     """Addresses of the custodians, the nearest to the subscribers first."""
-    after_s: float = DEFAULT_AFTER_S
+    after_s: Duration = DEFAULT_AFTER_S
     """A node that was not heard for this time is out of reach, s."""
-    expires_s: float = DEFAULT_EXPIRES_S
-    """How long a sample is worth carrying, s: 60…29,491,200."""
+    expires_s: Annotated[float, Meta(ge=LEAST_CARRY_S, le=LONGEST_CARRY_S, title="seconds")] = (
+        DEFAULT_EXPIRES_S
+    )
+    """How long a sample is worth carrying, s."""
 
+    def __post_init__(self) -> None:
+        """Check each value.
 
-def check_carry(carry: Carry) -> None:
-    """Check who carries a topic, and for how long.
-
-    Raises:
-        ConfigError: A value is not allowed.
-    """
-    if not carry.by or len(carry.by) > MOST_CUSTODIANS:
-        raise ConfigError(
-            f"carry.by: {len(carry.by)} addresses; allowed: 1..{MOST_CUSTODIANS}",
-            hint="name the nodes that take samples along, the nearest to the subscribers first",
-        )
-    for address in carry.by:
-        if not 1 <= address <= 254:
-            raise ConfigError(f"carry.by: {address}; allowed: addresses, 1..254")
-        if carry.by.count(address) > 1:
-            raise ConfigError(f"carry.by: {address} is there twice; allowed: once")
-    if not is_duration(carry.after_s):
-        raise ConfigError(f"carry.after_s: {carry.after_s}; allowed: above 0, {DURATIONS}")
-    if not LEAST_CARRY_S <= carry.expires_s <= LONGEST_CARRY_S:
-        allowed = f"{LEAST_CARRY_S:g}..{LONGEST_CARRY_S:g} s"
-        raise ConfigError(f"carry.expires_s: {carry.expires_s}; allowed: {allowed}")
+        Raises:
+            ConfigError: States key, value and what is allowed.
+        """
+        check_fields(self, ConfigError)

@@ -10,11 +10,13 @@ costs one byte as well, and is not in the key.
 
 import re
 from collections.abc import Mapping
-from typing import Final
+from typing import Annotated, Final
 
 import msgspec
+from msgspec import Meta
 
 from zacoustic.errors import ConfigError, UnknownStreamError
+from zacoustic.text.allowed import check_fields
 
 NODE_PLACEHOLDER: Final = "node"
 """Name of the placeholder for the source of the frame."""
@@ -30,13 +32,21 @@ Instance = tuple[int, ...]
 """The value number of each wildcard, in the order of the name; ``()`` for a name without any."""
 
 
-class Wildcard(msgspec.Struct, frozen=True, kw_only=True):
+class Wildcard(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A placeholder of a topic's name and the values it can take."""
 
     name: str
     """The name between the braces."""
-    values: tuple[str, ...]
-    """Key chunks; their position, 0…254, crosses the channel."""
+    values: Annotated[
+        tuple[str, ...],
+        Meta(
+            min_length=1,
+            max_length=MOST_VALUES,
+            title="a list of chunks of a key",
+            extra={"unique": True},
+        ),
+    ]
+    """Key chunks; their position, from 0, crosses the channel."""
 
 
 class KeyPattern:
@@ -202,10 +212,10 @@ def _check_wildcard(where: str, wildcard: Wildcard, placeholders: list[str]) -> 
         raise ConfigError(f'{where}.name: "{name}"; allowed: letters, digits and _, not "node"')
     if name not in placeholders:
         raise ConfigError(f'{where}.name: "{name}" does not occur in the name of the stream')
-    if not 1 <= len(values) <= MOST_VALUES or len(set(values)) != len(values):
-        raise ConfigError(
-            f"{where}.values: {len(values)} values; allowed: 1..{MOST_VALUES}, all different"
-        )
+    try:
+        check_fields(wildcard, ConfigError)
+    except ConfigError as error:
+        raise ConfigError(f"{where}.{error}") from None
     for value in values:
         if fault_of_name(value) or "/" in value or "{" in value:
             raise ConfigError(f'{where}.values: "{value}"; allowed: one chunk of a key')

@@ -6,7 +6,7 @@ import msgspec
 
 from zacoustic.core.base.clock import DURATIONS, is_duration
 from zacoustic.core.base.qos import Durability, Forward, Qos, Reliability, Stamp
-from zacoustic.core.streams.carry import Carry, check_carry
+from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.keys import MOST_VALUES, Wildcard
 from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
 from zacoustic.core.values.payload import CborCodec, OpaqueCodec, PackedCodec, TypedCodec
@@ -180,7 +180,6 @@ def _check_dense(spec: StreamSpec) -> None:
 
 def _check_carried(spec: TopicSpec, carry: Carry) -> None:
     """Check a carried topic: each sample is for listed nodes, and survives on its way."""
-    check_carry(carry)
     if spec.qos.reliability is not Reliability.RELIABLE or not spec.journal:
         raise ConfigError(
             "carry for a topic that is not both reliable and journalled; allowed: with "

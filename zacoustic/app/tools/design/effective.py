@@ -8,21 +8,10 @@ import msgspec
 
 from zacoustic.config import read_config
 from zacoustic.config.json5 import read_zenoh_config
-from zacoustic.config.sections import (
-    ActionEntry,
-    Section,
-    ServiceEntry,
-    StreamEntry,
-    TopicEntry,
-)
+from zacoustic.config.sections import STREAMS, Section
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.text.safetext import without_secrets
 
-_ENTRIES: Mapping[str, type[StreamEntry]] = {
-    "topic": TopicEntry,
-    "service": ServiceEntry,
-    "action": ActionEntry,
-}
 _MAY_BE_EMPTY: Final = ("ros", "fields")
 """Keys that say something even when they are empty."""
 
@@ -76,7 +65,7 @@ def _without_nothing(value: Any) -> Any:  # noqa: ANN401 (of the file)
 
 def _effective_stream(written: Any, table: StreamTable) -> Any:  # noqa: ANN401 (of the file)
     """Return a stream with the defaults of its kind, and what its codec and encoding become."""
-    record = next((each for kind, each in _ENTRIES.items() if kind in written), None)
+    record = next((each for kind, each in STREAMS.items() if kind in written), None)
     if record is None:
         return written
     try:

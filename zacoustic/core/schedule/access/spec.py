@@ -5,14 +5,21 @@ checks what depends on the link's capabilities. Every error states the key, the 
 choice cannot work.
 """
 
-import math
-from collections.abc import Sized
-from typing import Final, TypeAlias
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
-from zacoustic.core.base.clock import DURATIONS, NS_PER_S, is_duration, seconds_to_ns
+from zacoustic.core.base.clock import (
+    LONGEST_S,
+    NS_PER_S,
+    Duration,
+    DurationOrZero,
+    seconds_to_ns,
+)
+from zacoustic.core.base.linktypes import Node, Nodes
 from zacoustic.errors import ConfigError
+from zacoustic.text.allowed import check_fields
 
 SLOWEST_SOUND_M_S: Final = 1400.0
 """Slower than sound in any sea or lake, so a guard computed with it holds everywhere."""
@@ -23,6 +30,11 @@ _STATEMENTS_S: Final = 10.0
 _MOST_SLOTS: Final = 1024
 MOST_RANGE_M: Final = 100_000.0
 """Sound takes over a minute for more, m."""
+_CLOCK_HINT: Final = "how wrong may the clock of a node be? NTP at the surface: 0.01"
+_ClockError: TypeAlias = Annotated[DurationOrZero, Meta(extra={"hint": _CLOCK_HINT})]
+_Drift: TypeAlias = Annotated[float, Meta(ge=0, le=LONGEST_S)]
+_Range: TypeAlias = Annotated[float, Meta(gt=0, le=LONGEST_S, title="metres")]
+_COUNT: Final = Meta(min_length=1, max_length=_MOST_SLOTS)
 
 
 class DelegatedSpec(
@@ -38,8 +50,8 @@ class AlohaSpec(
 ):  # fmt: skip
     """A frame goes when it is due."""
 
-    slot_s: float | None = None
-    """Frames start at multiples of this in UTC, s, > 0; None: at any instant."""
+    slot_s: Duration | None = None
+    """Frames start at multiples of this in UTC, s; None: at any instant."""
     back_off: bool = True
     """Whether to wait a random time that doubles after each frame without any answer."""
 
@@ -49,8 +61,7 @@ class AlohaSpec(
         Raises:
             ConfigError: States key, value and what is allowed.
         """
-        if self.slot_s is not None:
-            _check_positive("slot_s", self.slot_s)
+        check_fields(self, ConfigError)
 
 
 class CarrierSenseSpec(
@@ -74,16 +85,16 @@ class TimedSlot(msgspec.Struct, frozen=True):
 class ClockedSpec(msgspec.Struct, frozen=True, kw_only=True):
     """What every policy with slots says of the common clock."""
 
-    clock_error_s: float
-    """Largest error of a node's clock against the common one, s, ≥ 0; a node whose error may be
+    clock_error_s: _ClockError
+    """Largest error of a node's clock against the common one, s; a node whose error may be
     larger keeps silent."""
-    clock: int | None = None
+    clock: Node | None = None
     """The node whose clock is the common one, sent in its frames; None: UTC from each host."""
-    beacon_s: float | None = None
-    """How often that node sends the time when it has nothing else to send, s, > 0; None: only in
+    beacon_s: Duration | None = None
+    """How often that node sends the time when it has nothing else to send, s; None: only in
     frames that go anyway."""
-    drift_ppm: float = _DRIFT_PPM
-    """Drift of a clock without statements, 1e-6, ≥ 0."""
+    drift_ppm: _Drift = _DRIFT_PPM
+    """Drift of a clock without statements, 1e-6."""
 
     @property
     def error_limit_ns(self) -> int:
@@ -107,14 +118,11 @@ class ClockedSpec(msgspec.Struct, frozen=True, kw_only=True):
         return seconds_to_ns(distance_m / SLOWEST_SOUND_M_S) + 2 * self.error_limit_ns
 
     def _check_clock(self) -> None:
-        _check_not_negative("clock_error_s", self.clock_error_s)
-        _check_not_negative("drift_ppm", self.drift_ppm)
-        if self.beacon_s is not None:
-            _check_positive("beacon_s", self.beacon_s)
-            if self.clock is None:
-                raise ConfigError(
-                    "beacon_s: without clock; allowed: where clock names the node that tells it"
-                )
+        check_fields(self, ConfigError)
+        if self.beacon_s is not None and self.clock is None:
+            raise ConfigError(
+                "beacon_s: without clock; allowed: where clock names the node that tells it"
+            )
 
 
 class TdmaSpec(
@@ -123,14 +131,14 @@ class TdmaSpec(
 ):  # fmt: skip
     """Each node transmits in its slots of a common clock, which are all equally long."""
 
-    slots: tuple[int, ...]
+    slots: Annotated[Nodes, _COUNT]
     """Address of the owner of each slot, in order; an address may own several."""
-    slot_s: float
-    """Length of a slot, s, > 0; slots begin at multiples of the cycle since 1970 (UTC)."""
-    max_range_m: float | None = None
-    """Largest distance between two nodes, m, > 0; alternative to `guard_s`."""
-    guard_s: float | None = None
-    """Silence at the end of each slot, s, > 0; None: computed from `max_range_m`."""
+    slot_s: Duration
+    """Length of a slot, s; slots begin at multiples of the cycle since 1970 (UTC)."""
+    max_range_m: _Range | None = None
+    """Largest distance between two nodes, m; alternative to `guard_s`."""
+    guard_s: Duration | None = None
+    """Silence at the end of each slot, s; None: computed from `max_range_m`."""
 
     def __post_init__(self) -> None:
         """Check each value, and that the guard leaves a part of the slot.
@@ -138,16 +146,7 @@ class TdmaSpec(
         Raises:
             ConfigError: States key, value and what is allowed.
         """
-        _check_count(self.slots)
-        for index, address in enumerate(self.slots):
-            if not 1 <= address <= 254:
-                raise ConfigError(f"slots[{index}]: {address}; allowed: an address, 1..254")
-        _check_positive("slot_s", self.slot_s)
         self._check_clock()
-        if self.max_range_m is not None:
-            _check_positive("max_range_m", self.max_range_m)
-        if self.guard_s is not None:
-            _check_positive("guard_s", self.guard_s)
         if (self.guard_s is None) == (self.max_range_m is None):
             both = "beside max_range_m" if self.guard_s is not None else "is missing"
             raise ConfigError(f"guard_s: {both}; allowed: exactly one of guard_s and max_range_m")
@@ -181,13 +180,21 @@ class TdmaSpec(
 class ScheduledSlot(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One slot of a schedule."""
 
-    owners: tuple[int, ...]
+    owners: Nodes
     """Addresses of the nodes that may transmit in it; several where no node hears two of them;
     empty: nodes that own no slot, each in about every second cycle."""
-    for_s: float
-    """How long they may transmit, s, > 0."""
-    range_m: float
-    """Largest distance from one of them to one of the next slot, m, ≥ 0."""
+    for_s: Duration
+    """How long they may transmit, s."""
+    range_m: Annotated[float, Meta(ge=0, le=MOST_RANGE_M, title="metres")]
+    """Largest distance from one of them to one of the next slot, m."""
+
+    def __post_init__(self) -> None:
+        """Check each value.
+
+        Raises:
+            ConfigError: States key, value and what is allowed.
+        """
+        check_fields(self, ConfigError)
 
 
 class ScheduleSpec(
@@ -200,7 +207,7 @@ class ScheduleSpec(
     inequality its frames have then passed every node before those of the next slot arrive there.
     """
 
-    slots: tuple[ScheduledSlot, ...]
+    slots: Annotated[tuple[ScheduledSlot, ...], _COUNT]
     """The slots of a cycle, in order; a node may own several."""
 
     def __post_init__(self) -> None:
@@ -209,19 +216,6 @@ class ScheduleSpec(
         Raises:
             ConfigError: States key, value and what is allowed.
         """
-        _check_count(self.slots)
-        for index, slot in enumerate(self.slots):
-            for address in slot.owners:
-                if not 1 <= address <= 254:
-                    raise ConfigError(
-                        f"slots[{index}].owners: {address}; allowed: addresses, 1..254"
-                    )
-            _check_positive(f"slots[{index}].for_s", slot.for_s)
-            if not (math.isfinite(slot.range_m) and 0 <= slot.range_m <= MOST_RANGE_M):
-                raise ConfigError(
-                    f"slots[{index}].range_m: {slot.range_m:g}; allowed: metres, 0 to "
-                    f"{MOST_RANGE_M:g}"
-                )
         self._check_clock()
 
     @property
@@ -246,15 +240,15 @@ class AutoSpec(
 
     slots: tuple[ScheduledSlot, ...] = ()
     """The slots of a cycle, in order; empty: there is no schedule."""
-    clock_error_s: float | None = None
-    """Largest error of a node's clock against the common one, s, ≥ 0; required with slots."""
-    clock: int | None = None
+    clock_error_s: _ClockError | None = None
+    """Largest error of a node's clock against the common one, s; required with slots."""
+    clock: Node | None = None
     """The node whose clock is the common one, sent in its frames; None: UTC from each host."""
-    beacon_s: float | None = None
-    """How often that node sends the time when it has nothing else to send, s, > 0; None: only in
+    beacon_s: Duration | None = None
+    """How often that node sends the time when it has nothing else to send, s; None: only in
     frames that go anyway."""
-    drift_ppm: float = _DRIFT_PPM
-    """Drift of a clock without statements, 1e-6, ≥ 0."""
+    drift_ppm: _Drift = _DRIFT_PPM
+    """Drift of a clock without statements, 1e-6."""
 
     def __post_init__(self) -> None:
         """Check each value, and that there is a schedule for what belongs to one.
@@ -262,6 +256,7 @@ class AutoSpec(
         Raises:
             ConfigError: States key, value and what is allowed.
         """
+        check_fields(self, ConfigError)
         if self.schedule is not None:
             return
         for key, value in (
@@ -281,7 +276,11 @@ class AutoSpec(
         if not self.slots:
             return None
         if self.clock_error_s is None:
-            raise ConfigError("clock_error_s: is missing; allowed: seconds, 0 or more")
+            raise ConfigError(
+                "clock_error_s: is missing, and slots need clocks whose error is known; "
+                "allowed: seconds, 0 or more",
+                hint=_CLOCK_HINT,
+            )
         return ScheduleSpec(
             slots=self.slots,
             clock_error_s=self.clock_error_s,
@@ -297,16 +296,16 @@ class PollingSpec(
 ):  # fmt: skip
     """One node gives each of the others its turn."""
 
-    poller: int
+    poller: Node
     """Address of the node that polls."""
-    nodes: tuple[int, ...]
+    nodes: Annotated[Nodes, Meta(min_length=1)]
     """Addresses of the others in the order of their turns."""
-    turn_s: float | None = None
-    """Length of a turn, s, > 0, at most 5.1; None: two of the largest frames."""
-    idle_s: float = 10.0
-    """Pause after a round in which no node had anything to send, s, ≥ 0."""
-    max_range_m: float | None = None
-    """Largest distance to the poller, m, > 0; None: as the link states."""
+    turn_s: Annotated[float, Meta(gt=0, le=5.1, title="seconds")] | None = None
+    """Length of a turn, s; None: two of the largest frames."""
+    idle_s: DurationOrZero = 10.0
+    """Pause after a round in which no node had anything to send, s."""
+    max_range_m: _Range | None = None
+    """Largest distance to the poller, m; None: as the link states."""
 
     def __post_init__(self) -> None:
         """Check each value.
@@ -314,37 +313,16 @@ class PollingSpec(
         Raises:
             ConfigError: States key, value and what is allowed.
         """
-        if not self.nodes:
-            raise ConfigError("nodes: nobody to poll; allowed: at least one address")
-        for index, address in enumerate((self.poller, *self.nodes)):
-            key = f"nodes[{index - 1}]" if index else "poller"
-            if not 1 <= address <= 254:
-                raise ConfigError(f"{key}: {address}; allowed: an address, 1..254")
+        check_fields(self, ConfigError)
         if self.poller in self.nodes:
             raise ConfigError(
                 f"nodes: {self.poller} is the poller; allowed: the other nodes, each in its turn"
             )
-        if self.turn_s is not None and not 0 < self.turn_s <= 5.1:
-            raise ConfigError(f"turn_s: {self.turn_s:g}; allowed: above 0, at most 5.1")
-        _check_not_negative("idle_s", self.idle_s)
-        if self.max_range_m is not None:
-            _check_positive("max_range_m", self.max_range_m)
 
 
 AccessSpec: TypeAlias = (
-    DelegatedSpec | AlohaSpec | CarrierSenseSpec | TdmaSpec | ScheduleSpec | AutoSpec | PollingSpec
+    AlohaSpec | CarrierSenseSpec | TdmaSpec | ScheduleSpec | PollingSpec | DelegatedSpec | AutoSpec
 )
-
-METHODS: Final[dict[str, type[AccessSpec]]] = {
-    "aloha": AlohaSpec,
-    "carrier_sense": CarrierSenseSpec,
-    "tdma": TdmaSpec,
-    "schedule": ScheduleSpec,
-    "polling": PollingSpec,
-    "delegated": DelegatedSpec,
-    "auto": AutoSpec,
-}
-"""The policies by their names in the config."""
 
 
 def slots_of(access: AccessSpec | None) -> ClockedSpec | None:
@@ -352,18 +330,3 @@ def slots_of(access: AccessSpec | None) -> ClockedSpec | None:
     if isinstance(access, AutoSpec):
         return access.schedule
     return access if isinstance(access, ClockedSpec) else None
-
-
-def _check_count(slots: Sized) -> None:
-    if not 1 <= len(slots) <= _MOST_SLOTS:
-        raise ConfigError(f"slots: {len(slots)} slots; allowed: 1..{_MOST_SLOTS}")
-
-
-def _check_positive(key: str, value: float) -> None:
-    if not is_duration(value):
-        raise ConfigError(f"{key}: {value:g}; allowed: above 0, {DURATIONS}")
-
-
-def _check_not_negative(key: str, value: float) -> None:
-    if not is_duration(value, or_zero=True):
-        raise ConfigError(f"{key}: {value:g}; allowed: 0 or more, {DURATIONS}")

@@ -1,25 +1,34 @@
 """How much memory objects may take."""
 
-from typing import Final
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
 from zacoustic.core.wire.objects import MOST_TRANSFERS
+from zacoustic.text.allowed import check_fields
 
 LARGEST_BYTES: Final = 1 << 20
 """Default of the largest payload of an object, bytes."""
 MOST_BYTES: Final = (1 << 28) - 1
 """The largest payload that a manifest can state, bytes."""
 
+ObjectBytes: TypeAlias = Annotated[int, Meta(ge=1, le=MOST_BYTES, title="a number of bytes")]
+"""Bytes of the largest payload of an object."""
+Transfers: TypeAlias = Annotated[int, Meta(ge=1, le=MOST_TRANSFERS)]
+"""Objects that may be sent or wait at once."""
+ObjectMemory: TypeAlias = Annotated[int, Meta(ge=1, le=1 << 32, title="a number of bytes")]
+"""Bytes of all incoming objects at once."""
+
 
 class ObjectLimits(msgspec.Struct, frozen=True, kw_only=True):
     """How much memory objects may take."""
 
-    largest_bytes: int = LARGEST_BYTES
+    largest_bytes: ObjectBytes = LARGEST_BYTES
     """The largest payload that is sent or received, bytes."""
-    most_outgoing: int = 16
-    """The most objects that may be sent or wait at once, 1…64."""
-    incoming_bytes: int = 4 << 20
+    most_outgoing: Transfers = 16
+    """The most objects that may be sent or wait at once."""
+    incoming_bytes: ObjectMemory = 4 << 20
     """The most bytes that all incoming objects may take at once, at least `largest_bytes`."""
 
     def __post_init__(self) -> None:
@@ -28,12 +37,9 @@ class ObjectLimits(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ValueError: States field, value and the allowed values.
         """
-        ranges = {
-            "largest_bytes": (1, MOST_BYTES),
-            "most_outgoing": (1, MOST_TRANSFERS),
-            "incoming_bytes": (self.largest_bytes, 1 << 32),
-        }
-        for name, (least, most) in ranges.items():
-            value = getattr(self, name)
-            if not least <= value <= most:
-                raise ValueError(f"{name} is {value}; allowed: {least}..{most}")
+        check_fields(self)
+        if self.incoming_bytes < self.largest_bytes:
+            raise ValueError(
+                f"incoming_bytes is {self.incoming_bytes}; "
+                f"allowed: at least largest_bytes, {self.largest_bytes}"
+            )

@@ -8,12 +8,14 @@ and have the same digest.
 import math
 import re
 from difflib import get_close_matches
-from typing import Final
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
 from zacoustic.core.values.types.quantiser import MAX_COUNT, Quantiser
 from zacoustic.errors import ConfigError
+from zacoustic.text.allowed import one_of
 
 INTEGER_LIMITS: Final[dict[str, tuple[int, int]]] = {
     "int8": (-(1 << 7), (1 << 7) - 1),
@@ -47,6 +49,16 @@ _NAME: Final = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 
 Number = int | float
 Default = bool | int | float | str
+Span: TypeAlias = Annotated[
+    tuple[Number, Number], Meta(description="a list of two numbers, [low, high]")
+]
+Step: TypeAlias = Annotated[
+    Annotated[int, Meta(gt=0)] | Annotated[float, Meta(gt=0)],
+    Meta(description='a number above 0, or a ratio as "1/60000"'),
+]
+Length: TypeAlias = Annotated[int, Meta(ge=1, le=MAX_LENGTH)]
+Outside: TypeAlias = Annotated[str, one_of(OUTSIDE_WORDS)]
+Names: TypeAlias = Annotated[tuple[str, ...], Meta(description="a list of texts")]
 
 
 class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -58,30 +70,30 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     name: str
     """Identifier: letters, digits, underscores."""
-    type: str
+    type: Annotated[str, Meta(description=f"{', '.join(SCALAR_TYPES)}, or the name of a type")]
     """One of `SCALAR_TYPES`, or the name of another type."""
-    range: tuple[Number, Number] | None = None
+    range: Span | None = None
     """Least and greatest value, both allowed, in `unit`; numeric types only."""
-    step: Number | None = None
+    step: Step | None = None
     """Values cross as the nearest multiple of this, in `unit`; numeric types only."""
     unit: str = ""
     """Unit for people: in messages, never on the wire."""
     wraps: bool = False
     """Whether the ends of `range` are the same value, as for a heading: values outside are folded
     in."""
-    values: tuple[str, ...] = ()
+    values: Names = ()
     """The names of an enum; their position crosses, so append and never reorder."""
-    length: int | None = None
+    length: Length | None = None
     """Number of elements of a fixed array; None: not a fixed array."""
-    max_length: int | None = None
+    max_length: Length | None = None
     """The most elements of a bounded array; for a string or bytes, the most bytes."""
-    min_length: int | None = None
+    min_length: Length | None = None
     """The fewest bytes of a string or bytes."""
     optional: bool = False
     """Whether the value may be missing or null."""
-    default: Default | None = None
+    default: Annotated[Default, Meta(description="a value of the field's type")] | None = None
     """Value of a missing field; scalars only. Not part of the type's digest: the value crosses."""
-    outside: str = "reject"
+    outside: Outside = "reject"
     """Treatment of a value outside of the bounds, one of `OUTSIDE_WORDS`; the last two are counted.
     ``reject``: it is refused. ``clamp``: a number is moved to the nearer end of `range`, a long
     list or text is cut, an unknown value of an enum becomes the default or is missing. ``escape``:

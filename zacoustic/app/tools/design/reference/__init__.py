@@ -1,7 +1,7 @@
 """Every key of the configuration, from the records that read it.
 
-The records of `zacoustic.config` define names, types and defaults, their docstrings the meaning of
-a key, and `ALLOWED` its values. `tables` combines them, so the printed reference cannot differ from
+The records of `zacoustic.config` declare names, types, ranges and defaults, their docstrings the
+meaning of a key. `tables` combines them, so the printed reference cannot differ from
 the reader. `zacoustic config schema` prints it; docs/reference.md is its output, as a test ensures.
 """
 

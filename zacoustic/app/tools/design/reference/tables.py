@@ -3,33 +3,30 @@
 import json
 from collections.abc import Iterator
 from difflib import get_close_matches
-from types import NoneType, UnionType
-from typing import Any, Final, Union, get_args, get_origin
+from typing import Any, Final
 
 import msgspec
+from msgspec import inspect
 
 from zacoustic.app.tools.design.reference.meanings import meanings_of
-from zacoustic.config.problems import allowed_at
-from zacoustic.config.sections import (
-    RECORDS,
-    ActionEntry,
-    ServiceEntry,
-    StreamEntry,
-    TopicEntry,
-)
-from zacoustic.core.schedule.access.spec import METHODS
+from zacoustic.config.sections import Section, StreamEntry
 from zacoustic.errors import ConfigError
+from zacoustic.text.allowed import allowed, find, mark, table_of, variants
 
 SECTION: Final = "plugins.acoustic"
 """Name of the section's own table."""
 
-_WORDS: Final = {
-    bool: "true or false",
-    int: "number",
-    float: "number",
-    str: "text",
-    tuple: "list",
-    dict: "table",
+_WORDS: Final[dict[type[inspect.Type], str]] = {
+    inspect.BoolType: "true or false",
+    inspect.IntType: "number",
+    inspect.FloatType: "number",
+    inspect.StrType: "text",
+    inspect.EnumType: "text",
+    inspect.LiteralType: "text",
+    inspect.VarTupleType: "list",
+    inspect.TupleType: "list",
+    inspect.DictType: "table",
+    inspect.StructType: "table",
 }
 
 
@@ -61,19 +58,20 @@ class KeyTable(msgspec.Struct, frozen=True, kw_only=True):
 
 def tables() -> tuple[KeyTable, ...]:
     """Return all tables, the section first."""
-    return tuple(_table(name, path, record, less) for name, path, record, less in _records())
+    return tuple(_table(name, record, less) for name, record, less in records())
 
 
 def table_named(name: str) -> KeyTable:
     """Return one table.
 
     Args:
-        name: Its name in `tables`.
+        name: Its name in `tables`, or the last part of it.
 
     Raises:
         ConfigError: There is no such table; lists the names.
     """
     known = {table.name: table for table in tables()}
+    name = next((each for each in known if each.endswith(f".{name}")), name)
     if name not in known:
         close = get_close_matches(name, known, 1)
         raise ConfigError(
@@ -83,64 +81,66 @@ def table_named(name: str) -> KeyTable:
     return known[name]
 
 
-def _records() -> Iterator[tuple[str, str, type[msgspec.Struct], tuple[str, ...]]]:
-    """Yield name, path of the keys, record, and the keys that an earlier table has already."""
-    below = {"fields": "types", "wildcards": "streams"}
-    for place, record in RECORDS.items():
-        name = f"{below[place]}.{place}" if place in below else place or SECTION
-        yield name, place, record, ()
-        if place == "links":
-            for method, spec in METHODS.items():
-                yield f"links.access ({method})", "links.access", spec, ()
-        if place == "fields":
-            common = StreamEntry.__struct_encode_fields__
-            yield "streams", "streams", StreamEntry, ()
-            yield "streams (topic)", "streams", TopicEntry, common
-            yield "streams (service)", "streams", ServiceEntry, common
-            yield "streams (action)", "streams", ActionEntry, common
+def records() -> Iterator[tuple[str, type[msgspec.Struct], tuple[str, ...]]]:
+    """Yield name, record, and the keys that an earlier table has already, of each table."""
+    seen: set[type[msgspec.Struct]] = set()
+    for name, record, less in _below(SECTION, Section, ()):
+        if record not in seen:
+            seen.add(record)
+            yield name, record, less
 
 
-def _table(name: str, path: str, record: type[msgspec.Struct], less: tuple[str, ...]) -> KeyTable:
-    meanings = meanings_of(record)
-    rows = []
-    for field in msgspec.structs.fields(record):
+_Found = Iterator[tuple[str, type[msgspec.Struct], tuple[str, ...]]]
+
+
+def _below(name: str, record: type[msgspec.Struct], less: tuple[str, ...]) -> _Found:
+    """Yield the table of a record and the tables below it."""
+    yield name, record, less
+    for field in table_of(record).fields:
         if field.encode_name in less:
             continue
-        rows.append(
-            KeyRow(
-                key=field.encode_name,
-                type=_type(field.encode_name, field.type),
-                default=_default(field),
-                allowed=allowed_at(f".{path}.{field.encode_name}"),
-                meaning=meanings.get(field.name, ""),
-            )
+        path = name.partition(" ")[0]
+        inner = field.encode_name if path == SECTION else f"{path}.{field.encode_name}"
+        item = find(field.type, [0]) or field.type
+        marked = mark(item, "tables")
+        if marked:
+            yield from _below(inner, StreamEntry, ())
+            for kind, entry in marked.items():
+                yield from _below(f"{inner} ({kind})", entry, StreamEntry.__struct_encode_fields__)
+        for each in variants(item):
+            if isinstance(each, inspect.StructType):
+                yield from _below(f"{inner} ({each.tag})" if each.tag else inner, each.cls, ())
+
+
+def _table(name: str, record: type[msgspec.Struct], less: tuple[str, ...]) -> KeyTable:
+    kind, meanings = table_of(record), meanings_of(record)
+    rows = [
+        KeyRow(
+            key=field.encode_name,
+            type=_type(field.encode_name, field.type),
+            default=_default(field),
+            allowed=allowed(field.type),
+            meaning=meanings.get(field.name, ""),
         )
+        for field in kind.fields
+        if field.encode_name not in less
+    ]
+    if kind.tag_field is not None:
+        words = {"type": "text", "default": None, "allowed": f'"{kind.tag}"', "meaning": "Which."}
+        rows.insert(0, msgspec.convert({"key": kind.tag_field, **words}, KeyRow))
     meaning = (record.__doc__ or "").partition("\n")[0]
-    if path == "links.access":
-        method = record.__struct_config__.tag
-        rows.insert(
-            0,
-            KeyRow(
-                key="method", type="text", default=None, allowed=f'"{method}"', meaning="Which."
-            ),
-        )
     return KeyTable(name=name, meaning=meaning, rows=tuple(rows))
 
 
-def _type(key: str, annotation: object) -> str:
-    if get_origin(annotation) in (Union, UnionType):
-        kinds = [each for each in get_args(annotation) if each is not NoneType]
-        words = {_type(key, each): None for each in kinds}
-        return " or ".join(words) if len(words) <= 2 else "value"
-    origin = get_origin(annotation) or annotation
-    if origin is float and key.endswith("_s"):
+def _type(key: str, kind: inspect.Type) -> str:
+    kinds = [each for each in variants(kind) if type(each) in _WORDS]
+    words = dict.fromkeys(_WORDS[type(each)] for each in kinds)
+    if key.endswith("_s") and any(isinstance(each, inspect.FloatType) for each in kinds):
         return "seconds"
-    if isinstance(origin, type) and issubclass(origin, msgspec.Struct):
-        return "table"
-    return _WORDS.get(origin, "value") if isinstance(origin, type) else "value"
+    return " or ".join(words) if 1 <= len(words) <= 2 else "value"
 
 
-def _default(field: "msgspec.structs.FieldInfo") -> str | None:
+def _default(field: inspect.Field) -> str | None:
     if field.required:
         return None
     value: Any = field.default

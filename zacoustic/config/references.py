@@ -1,0 +1,57 @@
+"""What a value of the section refers to, as the marks of `sections` say: nodes of the fleet, links.
+
+One walk over the records finds each mark, so that no reader looks up an address or a name itself.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import msgspec
+
+from zacoustic.config.problems import Place, shown
+from zacoustic.text.allowed import find, mark, repeated, table_of
+
+Known = Mapping[str, Mapping[object, str]]
+"""What may be referred to: list of the section → value → how an error shows it."""
+
+_HINTS: Final = {
+    "nodes": "add it to nodes",
+    "links": "give the links of the file a name each",
+    "ways": "give the links of the file a name each",
+}
+
+
+def check_references(
+    place: Place, value: object, kind: msgspec.inspect.Type | None, known: Known
+) -> None:
+    """Check a value and everything below it.
+
+    Args:
+        place: Its place.
+        value: A value, list or record.
+        kind: Its declaration.
+        known: What may be referred to; a list of the section that is not there is not checked.
+
+    Raises:
+        ConfigError: A value refers to nothing, or is twice in a list that has each once.
+    """
+    if isinstance(value, msgspec.Struct):
+        for field in table_of(type(value)).fields:
+            here = place.at(field.encode_name)
+            check_references(here, getattr(value, field.name), field.type, known)
+        return
+    if kind is None or value is None:
+        return
+    if isinstance(value, tuple):
+        again = repeated(value, kind)
+        if again is not None:
+            place.at(again).refuse(f"{shown(value[again])} a second time", allowed="each once")
+        for index, each in enumerate(value):
+            check_references(place.at(index), each, find(kind, [index]), known)
+        return
+    names = known.get(mark(kind, "refers"))
+    if names is not None and value not in names:
+        list_name = mark(kind, "refers")
+        what = f"{value} is no node" if list_name == "nodes" else None
+        allowed = ", ".join(names.values()) or "none, no link has a name"
+        place.refuse(what, allowed=allowed, hint=_HINTS[list_name])
