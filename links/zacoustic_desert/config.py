@@ -10,8 +10,10 @@ before each packet. Then the packet itself follows, with four bytes of headers. 
 saturation with the sample script: 2.77 packets of 64 bytes in a second, 2.21 of 512 bytes.
 """
 
-import math
-from typing import Final, Literal
+import sys
+from typing import Annotated, Final, Literal
+
+from msgspec import Meta
 
 from zacoustic.core.linktypes import LinkCapabilities
 from zacoustic.core.values.rmw_desert.packets import OVERHEAD_BYTES, PAYLOAD_LIMIT_BYTES
@@ -25,23 +27,23 @@ HEADER_BYTES: Final = 4
 # HELLO, addresses, check and delimiters: the minimum of `LinkCapabilities`.
 _LEAST_NATIVE_BYTES: Final = 8 + 2 + 4 + 3
 _LEAST_PAYLOAD_BYTES: Final = 8 + 2 + 4
-_LONGEST_S: Final = 3600.0
+_LONGEST: Final = Meta(ge=0, le=3600, title="seconds")
 
 
 class DesertConfig(LinkConfig, frozen=True, kw_only=True):
     """Settings of the link; they must match DESERT's script."""
 
-    max_read_length: int = 64
-    """`max_read_length` of the script, bytes: 17…4096, at least 18 with `rmw_desert` framing."""
-    period_s: float = 0.2
-    """`period_` of the application module, s, > 0; DESERT's own default is 10, its samples' 0.2."""
-    listen_s: float = 0.4
-    """How long the medium access listens before a packet, s, ≥ 0; 0 without CSMA. The sample's CSMA
+    max_read_length: Annotated[int, Meta(ge=_LEAST_NATIVE_BYTES, le=READ_LIMIT_BYTES)] = 64
+    """`max_read_length` of the script, bytes; at least 18 with `rmw_desert` framing."""
+    period_s: Annotated[float, Meta(gt=0, le=3600, title="seconds")] = 0.2
+    """`period_` of the application module, s; DESERT's own default is 10, its samples' 0.2."""
+    listen_s: Annotated[float, _LONGEST] = 0.4
+    """How long the medium access listens before a packet, s; 0 without CSMA. The sample's CSMA
     takes 0.35 on average; at exactly that the queue in DESERT would still grow."""
-    bit_rate_bps: float = 48_000.0
-    """Bit rate of the modems in the script, bit/s, > 0."""
-    latency_s: float = 1.0
-    """From one socket to the other through an idle DESERT, s, ≥ 0; the basis of time-outs.
+    bit_rate_bps: Annotated[float, Meta(gt=0, le=sys.float_info.max)] = 48_000.0
+    """Bit rate of the modems in the script, bit/s."""
+    latency_s: Annotated[float, _LONGEST] = 1.0
+    """From one socket to the other through an idle DESERT, s; the basis of time-outs.
     Measured: 0.7 over one hop, 1.1 over two."""
     framing: Literal["native", "rmw_desert"] = "native"
     """`native`: a byte stream, in which the core delimits frames. `rmw_desert`: that middleware's
@@ -53,18 +55,12 @@ class DesertConfig(LinkConfig, frozen=True, kw_only=True):
         Raises:
             ValueError: A value outside its range.
         """
+        super().__post_init__()
         least = self.least_read_length
-        if not least <= self.max_read_length <= READ_LIMIT_BYTES:
+        if self.max_read_length < least:
             raise ValueError(
                 f"max_read_length is {self.max_read_length}; allowed: {least}..{READ_LIMIT_BYTES}"
             )
-        if not 0 < self.period_s <= _LONGEST_S:
-            raise ValueError(f"period_s is {self.period_s:g}; allowed: above 0, to {_LONGEST_S:g}")
-        for name, value in (("listen_s", self.listen_s), ("latency_s", self.latency_s)):
-            if not 0 <= value <= _LONGEST_S:
-                raise ValueError(f"{name} is {value:g}; allowed: 0..{_LONGEST_S:g}")
-        if not 0 < self.bit_rate_bps < math.inf:
-            raise ValueError(f"bit_rate_bps is {self.bit_rate_bps:g}; allowed: above 0")
 
     @property
     def least_read_length(self) -> int:

@@ -1,6 +1,8 @@
 """Settings of the driver: the part of its locator after `#`."""
 
-from typing import Final, Literal
+from typing import Annotated, Final, Literal, TypeAlias
+
+from msgspec import Meta
 
 from zacoustic.link import LinkConfig
 from zacoustic_evologics.at.fields import BURST_LIMIT_BYTES, IM_LIMIT_BYTES
@@ -9,7 +11,7 @@ from zacoustic_evologics.at.settings import KEYS, SETTINGS
 IN_AIR_SOURCE_LEVEL: Final = 3
 """The quietest level, 20 dB below the loudest; the only one that a transducer in air survives."""
 
-_RETRIES_MAX: Final = 10
+_Time: TypeAlias = Annotated[float, Meta(gt=0, le=3600, title="seconds")]
 
 
 class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
@@ -18,7 +20,7 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     It stores nothing in the modem (`AT&W`): its settings last until the modem is switched off.
     """
 
-    baudrate: int = 19_200
+    baudrate: Annotated[int, Meta(ge=300, le=4_000_000)] = 19_200
     """Of a serial port, baud."""
     service: Literal["auto", "im", "ims", "pbm", "burst"] = "auto"
     """What carries frames. `im`: instant messages. `ims`: synchronous instant messages, which carry
@@ -30,8 +32,8 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     bulk: bool | None = None
     """Whether large samples to one node go as burst data, beside instant messages for all else;
     only with `service` `auto` and `mtu` up to 64, where it is the default."""
-    mtu: int = IM_LIMIT_BYTES
-    """Largest frame, bytes, 16…64, with burst data up to 1024. Frames above 64 need one receiver:
+    mtu: Annotated[int, Meta(ge=16, le=BURST_LIMIT_BYTES)] = IM_LIMIT_BYTES
+    """Largest frame, bytes; at most 64 without burst data. Frames above 64 need one receiver:
     burst data has no broadcast."""
     check: bool = False
     """The core adds a check to each frame, a CRC-32 of 4 bytes; equal in all nodes of a fleet.
@@ -53,22 +55,22 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
     frame; no link if it cannot be set."""
     gain: int | None = None
     """Gain of the receiver: 0 normal, 1 low, for short ranges."""
-    retries: int = 0
-    """Repetitions of an unacknowledged instant message by the modem, 0…10. Repetitions can arrive
+    retries: Annotated[int, Meta(ge=0, le=10)] = 0
+    """Repetitions of an unacknowledged instant message by the modem. Repetitions can arrive
     twice; the core retransmits by itself."""
     extended_notifications: bool = True
     """The modem reports when sounds begin and end, `AT@ZX1`. Without it, the driver asks by `AT?DI`
     whether a message has left, and the link lacks `senses_carrier`."""
     usbl: bool = True
     """A modem with an ultra-short baseline head reports positions of others, `AT@ZU1`."""
-    propagation_s: float = 1.0
-    """Longest propagation delay, one way, s, above 0: 1 s is 1500 m."""
-    busy_s: float = 10.0
-    """How long a frame may wait while the modem answers BUSY, or for an opportunity, s, ≥ 0."""
-    reply_s: float = 1.0
-    """Time limit of an answer, s, above 0, besides the time on a serial port."""
-    wait_s: float = 15.0
-    """Time for which `open` waits for the modem, s, above 0; it boots in about 5 s."""
+    propagation_s: _Time = 1.0
+    """Longest propagation delay, one way, s: 1 s is 1500 m."""
+    busy_s: Annotated[float, Meta(ge=0, le=3600, title="seconds")] = 10.0
+    """How long a frame may wait while the modem answers BUSY, or for an opportunity, s."""
+    reply_s: _Time = 1.0
+    """Time limit of an answer, s, besides the time on a serial port."""
+    wait_s: _Time = 15.0
+    """Time for which `open` waits for the modem, s; it boots in about 5 s."""
 
     @property
     def has_bulk(self) -> bool:
@@ -82,15 +84,16 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
         Raises:
             ValueError: A value is outside its range, or two contradict each other.
         """
-        limit = BURST_LIMIT_BYTES if self.service in ("auto", "burst") else IM_LIMIT_BYTES
-        _check_range("mtu", self.mtu, 16, limit)
+        super().__post_init__()
+        if self.mtu > IM_LIMIT_BYTES and self.service not in ("auto", "burst"):
+            raise ValueError(
+                f"mtu is {self.mtu} with service {self.service}; allowed: 16..{IM_LIMIT_BYTES}"
+            )
         if self.bulk and (self.service != "auto" or self.mtu > IM_LIMIT_BYTES):
             raise ValueError(
                 f"bulk is true with service {self.service} and mtu {self.mtu}; it needs service "
                 f"auto and an mtu of at most {IM_LIMIT_BYTES}"
             )
-        _check_range("baudrate", self.baudrate, 300, 4_000_000)
-        _check_range("retries", self.retries, 0, _RETRIES_MAX)
         for name in ("AM", "L", "G"):
             setting, value = SETTINGS[name], getattr(self, KEYS[name])
             if value is not None and not setting.allows(value):
@@ -101,13 +104,3 @@ class EvologicsConfig(LinkConfig, frozen=True, kw_only=True):
             )
         if self.service == "pbm" and not self.extended_notifications:
             raise ValueError("service is pbm; extended_notifications must be true")
-        for name in ("propagation_s", "reply_s", "wait_s"):
-            if not 0 < getattr(self, name) <= 3600:
-                raise ValueError(f"{name} is {getattr(self, name)}; allowed: above 0, up to 3600")
-        if not 0 <= self.busy_s <= 3600:
-            raise ValueError(f"busy_s is {self.busy_s}; allowed: 0..3600")
-
-
-def _check_range(name: str, value: int, low: int, high: int) -> None:
-    if not low <= value <= high:
-        raise ValueError(f"{name} is {value}; allowed: {low}..{high}")

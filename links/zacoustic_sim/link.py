@@ -9,9 +9,10 @@ one delivers pieces.
 import asyncio
 import random
 import time
-from typing import Final, Self
+from typing import Annotated, Final, Self
 
 import msgspec
+from msgspec import Meta
 
 from zacoustic.core.clock import Clock
 from zacoustic.core.linktypes import (
@@ -54,17 +55,8 @@ class SimConfig(LinkConfig, frozen=True, kw_only=True):
     """The modem reports when another node is audible."""
     acknowledges: bool = False
     """The modem acknowledges frames on request, and measures the range by the answer."""
-    wait_s: float = WAIT_S
-    """Time for which `open` waits for the medium, s, > 0."""
-
-    def __post_init__(self) -> None:
-        """Check the ranges.
-
-        Raises:
-            ValueError: `wait_s` is not above 0.
-        """
-        if not self.wait_s > 0:
-            raise ValueError(f"wait_s is {self.wait_s}; allowed: above 0")
+    wait_s: Annotated[float, Meta(gt=0, title="seconds")] = WAIT_S
+    """Time for which `open` waits for the medium, s."""
 
 
 class SimLink(Link):

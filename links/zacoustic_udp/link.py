@@ -7,7 +7,9 @@ import asyncio
 import ipaddress
 import socket
 import time
-from typing import Final, Self
+from typing import Annotated, Final, Self
+
+from msgspec import Meta
 
 from zacoustic.core.clock import ns_to_seconds
 from zacoustic.core.linktypes import (
@@ -34,10 +36,10 @@ class UdpConfig(LinkConfig, frozen=True, kw_only=True):
     """Destinations of frames: HOST:PORT, separated by commas; empty for a multicast group."""
     interface: str = ""
     """IPv4 address of the interface for a multicast group; empty: the system chooses."""
-    bit_rate_bps: float = 1_000_000.0
-    """Rate at which frames are sent, bit/s, > 0."""
-    latency_s: float = 0.25
-    """Longest delay of a datagram, s, ≥ 0; the basis of time-outs."""
+    bit_rate_bps: Annotated[float, Meta(gt=0)] = 1_000_000.0
+    """Rate at which frames are sent, bit/s."""
+    latency_s: Annotated[float, Meta(ge=0, title="seconds")] = 0.25
+    """Longest delay of a datagram, s; the basis of time-outs."""
 
     def __post_init__(self) -> None:
         """Check the ranges.
@@ -45,8 +47,7 @@ class UdpConfig(LinkConfig, frozen=True, kw_only=True):
         Raises:
             ValueError: A value is outside its range.
         """
-        if not (self.bit_rate_bps > 0 and self.latency_s >= 0):
-            raise ValueError("allowed: bit_rate_bps above 0, latency_s at least 0")
+        super().__post_init__()
         try:
             ipaddress.IPv4Address(self.interface or "0.0.0.0")
         except ValueError as error:

@@ -101,7 +101,7 @@ def test_port_that_is_taken_is_told() -> None:
         ("udp/vehicle:7000#peers=127.0.0.1:7001", "'vehicle:7000' is no address; allowed: IP:PORT"),
         ("udp/127.0.0.1#peers=127.0.0.1:7001", "is no address"),
         ("udp/127.0.0.1:7000#peers=127.0.0.1:70000", "allowed: 1..65535"),
-        ("udp/239.1.2.3:7000#bit_rate_bps=0", "bit_rate_bps above 0"),
+        ("udp/239.1.2.3:7000#bit_rate_bps=0", "bit_rate_bps is '0'; allowed: a number, above 0"),
         ("udp/239.1.2.3:7000#interface=eth0", "interface is 'eth0'"),
     ],
 )

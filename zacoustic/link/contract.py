@@ -32,12 +32,8 @@ from typing import (
     Any,
     ClassVar,
     Final,
-    Literal,
     Protocol,
     Self,
-    get_args,
-    get_origin,
-    get_type_hints,
 )
 
 import msgspec
@@ -51,13 +47,26 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.errors import ConfigError, LinkOpenError
+from zacoustic.text.allowed import allowed, check_fields, located, table_of
 
 LINK_API: Final = 1
 """Version of this contract; the registry refuses a link for another version."""
 
 
 class LinkConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Settings from the `#key=value&…` part of a locator; each link extends it."""
+    """Settings from the `#key=value&…` part of a locator; each link extends it.
+
+    A setting declares its range at its field, ``Annotated[int, Meta(ge=16, le=64)]``; then the
+    locator, programs and errors follow it. A link with checks of its own calls this one first.
+    """
+
+    def __post_init__(self) -> None:
+        """Check what the fields declare.
+
+        Raises:
+            ValueError: A value is not allowed; states key, value and what is allowed.
+        """
+        check_fields(self)
 
 
 class Finding(msgspec.Struct, frozen=True, kw_only=True):
@@ -243,31 +252,20 @@ def convert_config(
         source: The locator, for the message.
 
     Raises:
-        ConfigError: A key is unknown, or a value is of the wrong kind; the message names both and
-            the allowed values.
+        ConfigError: A key is unknown, or a value is not allowed; the message names both and the
+            allowed values.
     """
-    kinds = get_type_hints(config_type, include_extras=True)
-    for name, text in settings.items():
-        if name not in config_type.__struct_fields__:
-            allowed = ", ".join(config_type.__struct_fields__) or "none"
-            raise ConfigError(f"{source}: unknown setting {name!r}; allowed settings: {allowed}")
-        try:
-            msgspec.convert(text, kinds[name], strict=False)
-        except msgspec.ValidationError as error:
-            allowed = _allowed_values(kinds[name]) or str(error)
-            raise ConfigError(f"{source}: {name} is {text!r}; allowed: {allowed}") from error
-    values: dict[str, Any] = dict(settings)
+    fields = table_of(config_type).fields
+    declared = {each.encode_name: each.type for each in fields}
+    for name in settings:
+        if name not in declared:
+            known = ", ".join(declared) or "none"
+            raise ConfigError(f"{source}: unknown setting {name!r}; allowed settings: {known}")
     try:
-        return msgspec.convert(values, config_type, strict=False)
+        return msgspec.convert(settings, config_type, strict=False)
     except msgspec.ValidationError as error:
-        raise ConfigError(f"{source}: {error}") from error
-
-
-def _allowed_values(kind: object) -> str:
-    """Return the allowed values of a setting in words; empty if there are no words for its kind."""
-    if get_origin(kind) is Literal:
-        return ", ".join(map(str, get_args(kind)))
-    members = [each for each in get_args(kind) if each is not type(None)]
-    if len(members) == 1:
-        return _allowed_values(members[0])
-    return {bool: "true, false", int: "a whole number", float: "a number"}.get(kind, "")  # type: ignore[call-overload, no-any-return]
+        name = located(error)[1].removeprefix(".")
+        if name not in declared:
+            raise ConfigError(f"{source}: {error}") from error
+        what = f"{name} is {settings[name]!r}; allowed: {allowed(declared[name])}"
+        raise ConfigError(f"{source}: {what}") from error

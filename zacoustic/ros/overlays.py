@@ -41,7 +41,7 @@ class OverlayField(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """The values that a string can have: it becomes an enum."""
     max_length: Length | None = None
     """Largest number of elements of a sequence, or of bytes of a string."""
-    constant: Constant | None = None
+    constant: Annotated[Constant, Meta(description="a value")] | None = None
     """The only allowed value: it does not cross."""
     omit: bool = False
     """The member does not cross, and is zero or empty at the receiver."""

@@ -36,7 +36,7 @@ def one_of(words: Iterable[str]) -> Meta:
     listed = tuple(words)
     # Python's `$` stands before a last line break, too.
     pattern = rf"^({'|'.join(map(re.escape, listed))})$(?!\n)"
-    enum = {"enum": listed}  # what editors complete
+    enum = {"enum": list(listed)}  # what editors complete
     return Meta(pattern=pattern, description=", ".join(listed), extra_json_schema=enum)
 
 
@@ -58,7 +58,9 @@ def allowed(kind: inspect.Type) -> str:
         case inspect.LiteralType(values=values):
             return ", ".join(map(str, values))
         case inspect.IntType() | inspect.FloatType():
-            return ", ".join(filter(None, (noun or "a number", _range(inner))))
+            within = _range(inner)
+            plain = "a whole number" if isinstance(inner, inspect.IntType) else "a number"
+            return f"{noun or 'a number'}, {within}" if within else noun or plain
         case inspect.StrType():
             return noun or "a text"
         case inspect.StructType():
@@ -219,10 +221,12 @@ def _unwrapped(kind: inspect.Type) -> tuple[dict[str, Any], dict[str, Any], insp
     return said, extra, kind
 
 
-def _union(kinds: Iterable[inspect.Type]) -> str:
+def _union(kinds: Sequence[inspect.Type]) -> str:
     """Return the words of several types; of tables that a tag tells, the tags."""
     tagged = [each for each in kinds if isinstance(each, inspect.StructType) and each.tag]
-    words = [allowed(each) for each in kinds if each not in tagged]
+    # Whole numbers are numbers.
+    said = tagged + ([inspect.IntType()] if inspect.FloatType() in kinds else [])
+    words = [allowed(each) for each in kinds if each not in said]
     if tagged:
         tags = " | ".join(f'"{each.tag}"' for each in tagged)
         words.insert(0, f"{{ {tagged[0].tag_field}: {tags}, … }}")

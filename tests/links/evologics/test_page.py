@@ -60,7 +60,7 @@ def test_wrong_setting_in_a_configuration_says_what_is_allowed(tmp_path: Path) -
         [*CLI, "check", "wrong.json5"], cwd=tmp_path, capture_output=True, text=True, check=False
     )
     assert checked.returncode == 2  # a wrong locator is a wrong file
-    assert "service is 'quick'; allowed: auto, im, ims, pbm, burst" in checked.stdout
+    assert "service is 'quick'; allowed: auto, burst, im, ims, pbm" in checked.stdout
 
 
 def test_check_says_that_the_link_takes_larger_frames_than_it_reckons_with(tmp_path: Path) -> None:

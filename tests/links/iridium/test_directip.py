@@ -129,11 +129,20 @@ def test_a_port_in_use_is_an_error_and_may_be_tried_again() -> None:
     [
         ("iridium/serial:/dev/ttyUSB0", "max_bytes_per_day is missing"),
         ("iridium/ttyUSB0#max_bytes_per_day=100", "serial:PORT, tcp:HOST:PORT"),
-        ("iridium/serial:/dev/x#max_bytes_per_day=100&mtu=400", "mtu is 400"),
+        (
+            "iridium/serial:/dev/x#max_bytes_per_day=100&mtu=400",
+            "mtu is '400'; allowed: ",
+        ),
         ("iridium/serial:/dev/x#max_bytes_per_day=100&imei=1", "are for directip"),
-        ("iridium/serial:/dev/x#max_bytes_per_day=100&give_up_s=inf", "give_up_s is inf"),
-        ("iridium/serial:/dev/x#max_bytes_per_day=100&session_s=nan", "session_s is nan"),
-        ("iridium/serial:/dev/x#max_bytes_per_day=100&price=inf", "price is inf"),
+        (
+            "iridium/serial:/dev/x#max_bytes_per_day=100&give_up_s=inf",
+            "give_up_s is 'inf'",
+        ),
+        ("iridium/serial:/dev/x#max_bytes_per_day=100&session_s=nan", "session_s is 'nan'"),
+        (
+            "iridium/serial:/dev/x#max_bytes_per_day=100&price=inf",
+            "price is 'inf'",
+        ),
         ("iridium/directip:127.0.0.1:1#max_bytes_per_day=100", "gateway is ''"),
         (
             "iridium/directip:127.0.0.1:1#max_bytes_per_day=100&gateway=a:1&imei=12",
