@@ -6,61 +6,48 @@ allowed values, in one line. Messages of our own records begin with the key ("fr
 """
 
 import re
-from collections.abc import Mapping
 from typing import Final
 
 import msgspec
 
-_LOCATED: Final = re.compile(
-    r"(?P<what>.*?)(?: - at (?P<key>`key` in )?`\$\.?(?P<path>[^`]*)`)?", re.DOTALL
-)
+from zacoustic.text.allowed import allowed, find, located, steps_of, table_of, tables
+
 _UNKNOWN_KEY: Final = re.compile(r"Object contains unknown field `(?P<key>.*)`", re.DOTALL)
 _MISSING_KEY: Final = re.compile(r"Object missing required field `(?P<key>.*)`", re.DOTALL)
 _KEYED: Final = re.compile(r"[a-z][\w.\[\]]* is ")
-_STEP: Final = re.compile(r"(?P<key>[a-z_]\w*)|\[(?P<index>\d+)\]")
 _MAX_SHOWN: Final = 60  # characters of a value
 
 
 def explain(
-    message: str,
-    mapping: object,
-    *,
-    records: Mapping[str, type[msgspec.Struct]],
-    choices: Mapping[str, tuple[str, ...]],
-    whole: str = "the scenario",
+    error: Exception, mapping: object, record: type[msgspec.Struct], whole: str = "the scenario"
 ) -> str:
-    """Turn a message of the converter into key path, value, and allowed values.
+    """Turn an error of the converter into key path, value, and allowed values.
 
     Args:
-        message: Text of the converter's error.
+        error: The error.
         mapping: The converted mapping, to look the value up in.
-        records: Path without indices ("nodes[].track[]") → the record expected there.
-        choices: Path without indices → the words allowed there.
+        record: The record expected in its place, whose fields declare the allowed values.
         whole: Name of the whole mapping.
 
     Returns:
         One line without the name of the file.
     """
-    located = _LOCATED.fullmatch(message)
-    assert located is not None
-    what, path = located["what"], located["path"] or ""
-    if located["key"]:
+    what, place = located(error)
+    steps, path = steps_of(place), place.removeprefix(".")
+    kind = find(table_of(record), steps, mapping)
+    if what == "Expected `str`" and "`key` in" in str(error):
         return f"{path or whole} has a key that is no string; allowed: strings"
-    place = re.sub(r"\d+", "", path)
-    if match := _UNKNOWN_KEY.fullmatch(what):
-        fields = msgspec.structs.fields(records[place]) if place in records else ()
-        allowed = ", ".join(field.encode_name for field in fields)
-        return f"{_joined(path, match['key'])} is no key; allowed: {allowed}"
+    if (match := _UNKNOWN_KEY.fullmatch(what)) and kind is not None:
+        keys = ", ".join(each.encode_name for each in next(tables(kind)).fields)
+        return f"{_joined(path, match['key'])} is no key; allowed: {keys}"
     if match := _MISSING_KEY.fullmatch(what):
         return f"{_joined(path, match['key'])} is missing; it is required"
     if _KEYED.match(what):
         return _joined(path, what)
-    if place in choices:
-        expected = ", ".join(choices[place])
-    else:
-        expected = what.removeprefix("Expected ").split(", got ")[0].replace("`", "")
-        expected = expected.replace("Number out of range", "a number that a float can hold")
-    return f"{path or whole} is {_shown(_value_at(mapping, path))}; allowed: {expected}"
+    expected = "" if kind is None else allowed(kind)
+    if what == "Number out of range":
+        expected = "a number that a float can hold"
+    return f"{path or whole} is {_shown(_value_at(mapping, steps))}; allowed: {expected}"
 
 
 def _joined(path: str, key: str) -> str:
@@ -74,11 +61,10 @@ def _shown(value: object) -> str:
     return text if len(text) <= _MAX_SHOWN else f"{text[:_MAX_SHOWN]}…"
 
 
-def _value_at(mapping: object, path: str) -> object:
-    value = mapping
-    for step in _STEP.finditer(path):
-        if step["key"] is not None and isinstance(value, dict):
-            value = value.get(step["key"])
-        elif step["index"] is not None and isinstance(value, list | tuple):
-            value = value[int(step["index"])]
+def _value_at(value: object, steps: list[str | int]) -> object:
+    for step in steps:
+        if isinstance(step, str) and isinstance(value, dict):
+            value = value.get(step)
+        elif isinstance(step, int) and isinstance(value, list | tuple):
+            value = value[step]
     return value

@@ -26,7 +26,7 @@ import itertools
 import random
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, Literal, get_args
+from typing import Final, Literal
 
 import msgspec
 
@@ -34,19 +34,12 @@ from zacoustic.channel.faults.blackout import BlackoutSpec
 from zacoustic.channel.faults.faults import FaultSpec
 from zacoustic.channel.faults.limits import check_range
 from zacoustic.channel.faults.loss import LossSpec
-from zacoustic.channel.faults.nodefaults import (
-    ClockSpec,
-    CrashSpec,
-    JournalSpec,
-    JumpSpec,
-    SpanSpec,
-)
 from zacoustic.channel.problem import explain
 from zacoustic.channel.profiles import DEFAULT_PROFILE, profile_named
 from zacoustic.channel.propagation.position import Motion, Position, Waypoint, distance_m
 from zacoustic.channel.recorded import RecordedSpec, with_recording
 from zacoustic.channel.tracks import with_tracks
-from zacoustic.channel.traffic import Pattern, TrafficSpec
+from zacoustic.channel.traffic import TrafficSpec
 from zacoustic.errors import ConfigError
 
 ChannelName = Literal["sea", "awgn", "none", "desert", "recorded"]
@@ -346,7 +339,7 @@ def scenario_from_mapping(mapping: object, *, source: str, folder: Path | None =
     try:
         return msgspec.convert(mapping, Scenario)
     except (msgspec.ValidationError, OverflowError) as error:
-        problem = explain(str(error), mapping, records=_RECORDS, choices=_CHOICES)
+        problem = explain(error, mapping, Scenario)
         hint = _CONFIG_HINT if isinstance(mapping, dict) and "plugins" in mapping else ""
         raise ConfigError(f"{source}: {problem}", hint=hint) from None
 
@@ -354,36 +347,6 @@ def scenario_from_mapping(mapping: object, *, source: str, folder: Path | None =
 _CONFIG_HINT: Final = (
     "it looks like the config of a node; a scenario names it: config: FILE, nodes: [ … ]"
 )
-_RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
-    "": Scenario,
-    "nodes[]": NodeSpec,
-    "nodes[].track[]": Waypoint,
-    "links[]": LinkSpec,
-    "links[].loss": LossSpec,
-    "loss": LossSpec,
-    "recorded": RecordedSpec,
-    "media[]": MediumSpec,
-    "media[].loss": LossSpec,
-    "media[].links[]": LinkSpec,
-    "media[].links[].loss": LossSpec,
-    "media[].blackouts[]": BlackoutSpec,
-    "faults": FaultSpec,
-    "faults.blackouts[]": BlackoutSpec,
-    "faults.unplugged[]": SpanSpec,
-    "faults.crashes[]": CrashSpec,
-    "faults.clocks[]": ClockSpec,
-    "faults.clocks[].jumps[]": JumpSpec,
-    "faults.journal": JournalSpec,
-    "faults.journal.fails[]": SpanSpec,
-    "traffic[]": TrafficSpec,
-}
-_CHOICES: Final[dict[str, tuple[str, ...]]] = {
-    "channel": get_args(ChannelName),
-    "collisions": get_args(CollisionRule),
-    "media[].channel": get_args(ChannelName),
-    "media[].collisions": get_args(CollisionRule),
-    "traffic[].pattern": get_args(Pattern),
-}
 
 
 def check_position(key: str, position: Position) -> None:

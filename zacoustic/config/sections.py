@@ -33,8 +33,8 @@ from zacoustic.core.relay.route import RouteId, RoutePath
 from zacoustic.core.schedule.access.spec import AccessSpec
 from zacoustic.core.schedule.replybudget import REPLY_SHARE
 from zacoustic.core.streams.carry import DEFAULT_MAX_BYTES, Carry
-from zacoustic.core.streams.keys import MOST_VALUES, Wildcard
-from zacoustic.core.streams.specs import CODECS, LAST_STREAM_ID, STREAM_OUTSIDE_WORDS
+from zacoustic.core.streams.keys import Wildcard
+from zacoustic.core.streams.specs import LAST_STREAM_ID, Codec, Publishers, StreamOutside
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.transport.objects.limits import ObjectBytes, ObjectMemory, Transfers
 from zacoustic.core.values.encoding import TYPED_ENCODINGS
@@ -280,7 +280,7 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
     """Zenoh encoding on the application side."""
     codec: _Codec | None = None
     """Codec on the channel."""
-    outside: Annotated[str, one_of(STREAM_OUTSIDE_WORDS)] = "reject"
+    outside: StreamOutside = "reject"
     """Treatment of values that are more than the type says, for fields that say nothing."""
     max_airtime: Share | None = None
     """Share of the time for which the stream may be on the air; default: no cap."""
@@ -297,7 +297,7 @@ class StreamEntry(Entry, frozen=True, kw_only=True):
 class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """A topic."""
 
-    codec: Annotated[str, one_of(CODECS)] | None = None
+    codec: Codec | None = None
     """Codec on the channel."""
     topic: Annotated[str, _KEY]
     """Key expression, with placeholders in braces."""
@@ -323,7 +323,7 @@ class TopicEntry(StreamEntry, frozen=True, kw_only=True):
     """Best effort or reliable, as in ROS."""
     durability: Durability = Durability.VOLATILE
     """Volatile or transient-local, as in ROS."""
-    local_publishers: Annotated[int, Meta(ge=1, le=MOST_VALUES)] = 1
+    local_publishers: Publishers = 1
     """Publishers of a node with a depth of their own, of a latched topic; with `ros`: 4."""
     forward: Forward = Forward.ALWAYS
     """When samples cross the channel."""

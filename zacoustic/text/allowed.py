@@ -65,6 +65,8 @@ def allowed(kind: inspect.Type) -> str:
             return noun or "a text"
         case inspect.StructType():
             return _table(inner.fields)
+        case inspect.TupleType(item_types=items):
+            return noun or f"a list of {len(items)} values"
         case inspect.VarTupleType(item_type=item) | inspect.ListType(item_type=item):
             return (noun or _list(item)) + _length(inner)
     return noun or "a value"
@@ -90,7 +92,7 @@ def steps_of(path: str) -> list[str | int]:
     return [int(index) if index else name for name, index in _STEPS.findall(path)]
 
 
-def located(error: msgspec.ValidationError) -> tuple[str, str]:
+def located(error: Exception) -> tuple[str, str]:
     """Return the message and the path of an error of the converter."""
     found = _PATH.fullmatch(str(error))
     return (found[1], found[2]) if found else (str(error), "")

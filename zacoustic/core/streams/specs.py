@@ -1,16 +1,19 @@
 """Specifications of streams: topics, services and actions, with the allowed values."""
 
-from typing import Final
+from typing import Annotated, Final, TypeAlias
 
 import msgspec
+from msgspec import Meta
 
-from zacoustic.core.base.clock import DURATIONS, is_duration
+from zacoustic.core.base.clock import Duration, DurationOrZero
+from zacoustic.core.base.linktypes import Node
 from zacoustic.core.base.qos import Durability, Forward, Qos, Reliability, Stamp
 from zacoustic.core.streams.carry import Carry
 from zacoustic.core.streams.keys import MOST_VALUES, Wildcard
 from zacoustic.core.values.dense.stream.packedbytes import PackedBytesCodec
 from zacoustic.core.values.payload import CborCodec, OpaqueCodec, PackedCodec, TypedCodec
 from zacoustic.errors import ConfigError
+from zacoustic.text.allowed import check_fields, one_of
 
 FIRST_STREAM_ID: Final = 1
 LAST_STREAM_ID: Final = 175
@@ -32,8 +35,12 @@ OPAQUE_CODECS: Final[dict[str, type[OpaqueCodec]]] = {
 }
 """Codecs of streams without a type, by the same names."""
 
-STREAM_OUTSIDE_WORDS: Final = ("reject", "clamp")
-"""The treatments of values that are more than the types of a stream say."""
+Codec: TypeAlias = Annotated[str, one_of(CODECS)]
+"""Name of a codec."""
+StreamOutside: TypeAlias = Annotated[str, one_of(("reject", "clamp"))]
+"""Treatment of values that are more than the types of a stream say."""
+Publishers: TypeAlias = Annotated[int, Meta(ge=1, le=MOST_VALUES)]
+"""How many publishers of a node a latched topic tells apart."""
 
 DENSE: Final = "dense"
 """The codec of dense streams."""
@@ -58,15 +65,15 @@ class TopicSpec(msgspec.Struct, frozen=True, kw_only=True, tag="topic"):
     """Addresses that subscribe; None: all."""
     wildcards: tuple[Wildcard, ...] = ()
     """The placeholders of the name without `{node}`."""
-    local_publishers: int = 1
-    """How many publishers of a node the depth of a latched topic counts separately, 1…255; the
+    local_publishers: Publishers = 1
+    """How many publishers of a node the depth of a latched topic counts separately; the
     number of each crosses in one byte if there is more than one."""
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed samples, bytes for opaque
     ones."""
-    codec: str = "cbor"
+    codec: Codec = "cbor"
     """Codec of the samples, one of `CODECS`."""
-    outside: str = "reject"
+    outside: StreamOutside = "reject"
     """``clamp``: values that are more than their types say are cut down to them, and not refused
     (`TypeSpec.clamping`). Not in the digest."""
     qos: Qos = Qos()
@@ -89,20 +96,20 @@ class ServiceSpec(msgspec.Struct, frozen=True, kw_only=True, tag="service"):
     """1…175, unique in the table."""
     name: str
     """Key expression, without placeholders."""
-    server: int
+    server: Node
     """Address of the server."""
     request_type: str | None = None
     """Type of a request; None: opaque bytes."""
     response_type: str | None = None
     """Type of a response; None: opaque bytes."""
-    timeout_s: float = 60.0
+    timeout_s: Duration = 60.0
     """Time from call to answer after which the client gives up, s, > 0."""
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
-    codec: str = "cbor"
+    codec: Codec = "cbor"
     """Codec of the payloads, one of `CODECS`."""
-    outside: str = "reject"
+    outside: StreamOutside = "reject"
     """``clamp``: values that are more than their types say are cut down to them, and not refused
     (`TypeSpec.clamping`). Not in the digest."""
     qos: Qos = Qos()
@@ -120,7 +127,7 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
     """1…175, unique in the table."""
     name: str
     """Key expression, without placeholders."""
-    server: int
+    server: Node
     """Address of the server."""
     goal_type: str | None = None
     """Type of a goal; None: opaque bytes."""
@@ -128,21 +135,21 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True, tag="action"):
     """Type of feedback; None: opaque bytes."""
     result_type: str | None = None
     """Type of a result; None: opaque bytes."""
-    timeout_s: float = 60.0
+    timeout_s: Duration = 60.0
     """Time from a goal to its answer (accepted or rejected) after which its client gives up, s, >
     0."""
-    result_timeout_s: float = 3600.0
+    result_timeout_s: Duration = 3600.0
     """How long an unconfirmed result is kept, and how long a client waits while it hears nothing of
     a goal, s, > 0."""
-    feedback_interval_s: float = 0.0
+    feedback_interval_s: DurationOrZero = 0.0
     """Minimum time between two feedback records for one goal on the channel, s, ≥ 0; the newest
     wins. Not in the digest."""
     encoding: str | None = None
     """Zenoh encoding on the application side; None: CBOR for typed payloads, bytes for opaque
     ones."""
-    codec: str = "cbor"
+    codec: Codec = "cbor"
     """Codec of goals, feedback and results, one of `CODECS`."""
-    outside: str = "reject"
+    outside: StreamOutside = "reject"
     """``clamp``: values that are more than their types say are cut down to them, and not refused
     (`TypeSpec.clamping`). Not in the digest."""
     qos: Qos = Qos()
@@ -202,8 +209,6 @@ def _check_carried(spec: TopicSpec, carry: Carry) -> None:
 
 def _check_local_publishers(spec: TopicSpec) -> None:
     """Check a topic that tells apart the publishers of a node."""
-    if not 1 <= spec.local_publishers <= MOST_VALUES:
-        raise ConfigError(f"local_publishers: {spec.local_publishers}; allowed: 1..{MOST_VALUES}")
     if spec.qos.durability is not Durability.TRANSIENT_LOCAL:
         raise ConfigError(
             f"local_publishers: {spec.local_publishers} for a volatile topic; allowed: with "
@@ -224,10 +229,7 @@ def check(spec: StreamSpec) -> None:
     Raises:
         ConfigError: A part of it is not allowed.
     """
-    if spec.codec not in CODECS:
-        raise ConfigError(f'codec: "{spec.codec}"; allowed: {", ".join(CODECS)}')
-    if spec.outside not in STREAM_OUTSIDE_WORDS:
-        raise ConfigError(f'outside: "{spec.outside}"; allowed: {", ".join(STREAM_OUTSIDE_WORDS)}')
+    check_fields(spec, ConfigError)
     if spec.codec == DENSE:
         _check_dense(spec)
     if isinstance(spec, TopicSpec) and spec.carry is not None:
@@ -245,19 +247,6 @@ def check_times(spec: StreamSpec) -> None:
     Raises:
         ConfigError: A value is not allowed.
     """
-    if isinstance(spec, ActionSpec):
-        if not is_duration(spec.result_timeout_s):
-            raise ConfigError(
-                f"result_timeout_s: {spec.result_timeout_s}; allowed: above 0, {DURATIONS}"
-            )
-        if not is_duration(spec.feedback_interval_s, or_zero=True):
-            raise ConfigError(
-                f"feedback_interval_s: {spec.feedback_interval_s}; allowed: 0 or more, {DURATIONS}"
-            )
-    if isinstance(spec, ServiceSpec | ActionSpec):
-        if not 1 <= spec.server <= 254:
-            raise ConfigError(f"server: {spec.server}; allowed: an address, 1..254")
-        if not is_duration(spec.timeout_s):
-            raise ConfigError(f"timeout_s: {spec.timeout_s}; allowed: above 0, {DURATIONS}")
-        if "{" in spec.name:
-            raise ConfigError(f'name: "{spec.name}" has a placeholder; allowed in topics only')
+    check_fields(spec, ConfigError)
+    if isinstance(spec, ServiceSpec | ActionSpec) and "{" in spec.name:
+        raise ConfigError(f'name: "{spec.name}" has a placeholder; allowed in topics only')

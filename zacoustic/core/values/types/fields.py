@@ -15,7 +15,7 @@ from msgspec import Meta
 
 from zacoustic.core.values.types.quantiser import MAX_COUNT, Quantiser
 from zacoustic.errors import ConfigError
-from zacoustic.text.allowed import one_of
+from zacoustic.text.allowed import check_fields, one_of
 
 INTEGER_LIMITS: Final[dict[str, tuple[int, int]]] = {
     "int8": (-(1 << 7), (1 << 7) - 1),
@@ -107,6 +107,7 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         Raises:
             ConfigError: The message starts with the key.
         """
+        check_fields(self, ConfigError)
         if not _NAME.fullmatch(self.name):
             raise ConfigError(f'name: "{self.name}"; allowed: letters, digits and underscores')
         if not self.type:
@@ -268,8 +269,6 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
                 )
 
     def _check_outside(self) -> None:
-        if self.outside not in OUTSIDE_WORDS:
-            raise ConfigError(f'outside: "{self.outside}"; allowed: {", ".join(OUTSIDE_WORDS)}')
         if self.outside == "reject":
             return
         if self.outside == "clamp" and self.can_clamp:
@@ -283,10 +282,6 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         raise ConfigError(f'outside: "{self.outside}" {what}; allowed: {allowed}')
 
     def _check_lengths(self) -> None:
-        for key in ("length", "max_length", "min_length"):
-            value = getattr(self, key)
-            if value is not None and not 1 <= value <= MAX_LENGTH:
-                raise ConfigError(f"{key}: {value}; allowed: 1..{MAX_LENGTH}")
         both = self.length is not None and self.max_length is not None
         if both and self.type not in ("string", "bytes"):
             raise ConfigError(f"max_length: {self.max_length} beside length; allowed: one of them")
@@ -334,8 +329,6 @@ class FieldSpec(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
 
     def _check_step(self, written: Number) -> None:
         step = self._number("step", written)
-        if step <= 0:
-            raise ConfigError(f"step: {written}; allowed: above 0")
         msgspec.structs.force_setattr(self, "step", step)
         low, high = self.bounds
         if self.range is not None and step > high - low:

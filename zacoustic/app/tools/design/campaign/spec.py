@@ -162,7 +162,7 @@ def read_spec(path: Path) -> CampaignSpec:
     try:
         return msgspec.convert(mapping, CampaignSpec)
     except (msgspec.ValidationError, OverflowError) as error:
-        problem = explain(str(error), mapping, records=_RECORDS, choices={}, whole="the campaign")
+        problem = explain(error, mapping, CampaignSpec, whole="the campaign")
         is_scenario = isinstance(mapping, dict) and "nodes" in mapping
         raise ConfigError(f"{path}: {problem}", hint=_HINT if is_scenario else "") from None
 
@@ -171,11 +171,6 @@ _HINT: Final = (
     "it looks like a scenario; a campaign names one: "
     '{ scenario: FILE, seeds: 10, sweep: [ { key: "loss.frame", values: [0, 0.2] } ] }'
 )
-_RECORDS: Final[dict[str, type[msgspec.Struct]]] = {
-    "": CampaignSpec,
-    "sweep[]": SweepSpec,
-    "sweep[].cases[]": CaseSpec,
-}
 
 
 def _check_path(key: str, text: str) -> None:
