@@ -100,8 +100,12 @@ MISTAKES: list[tuple[str, object, str]] = [
     # nodes and links
     ("nodes.0.address", 0, ".nodes[0].address: 0; allowed: an address, 1..254"),
     ("nodes.0.address", 255, ".nodes[0].address: 255; allowed: an address, 1..254"),
-    ("nodes.1.address", 1, ".nodes[1].address: 1 is the address of shore; allowed: an address of"),
-    ("nodes.1.name", "shore", '.nodes[1].name: "shore" a second time; allowed: a name of its own'),
+    ("nodes.1.address", 1, ".nodes[1].address: 1 a second time, as nodes[0].address; allowed: one"),
+    (
+        "nodes.1.name",
+        "shore",
+        '.nodes[1].name: "shore" a second time, as nodes[0].name; allowed: one',
+    ),
     ("nodes.1.name", "a/b", '.nodes[1].name: "a/b"; allowed: one chunk of a key, without /'),
     ("nodes.1.name", "", '.nodes[1].name: ""; allowed: one chunk of a key'),
     ("nodes.1.name", "{x}", '.nodes[1].name: "{x}"; allowed: one chunk of a key'),

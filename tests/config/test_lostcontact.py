@@ -51,6 +51,7 @@ def test_time_is_twice_the_shortest_heartbeat_of_the_nodes_that_are_contact() ->
 
 def test_name_is_unique() -> None:
     section = changed("lost_contact", [UP, UP | {"by": 1, "of": [2]}])
-    assert '.lost_contact[1].name: "up" a second time; allowed: a name of its own' in message_of(
-        section
+    assert (
+        '.lost_contact[1].name: "up" a second time, as lost_contact[0].name; allowed'
+        in message_of(section)
     )

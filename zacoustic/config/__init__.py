@@ -4,10 +4,11 @@ One JSON5 file serves a router, a gateway beside one, a node without Zenoh, and 
 Zenoh's settings stay Zenoh's, the section is ours, and arguments give what differs between nodes
 (address, locator of the modem). Reading has four parts, one module each:
 
-- `sections`: the section as written, one record per table; refuses unknown keys;
-- `later`: words of the format that this version does not have yet; refused by name;
+- `sections`: the section as written, one record per table; each field declares what its key may be;
 - `problems`: errors as one line: file, key path, value, allowed values, what to do;
-- `reading`: from the records to a `Config`: addresses, names, types, the stream table.
+- `references`: looks up the nodes and links to which values refer;
+- `reading`: from the records to a `Config`: addresses, names, types, the stream table. It and the
+  modules beside it check what needs two keys.
 
 Nothing is ignored: an unknown key is an error. Whatever the section holds, the result is a `Config`
 or a `ConfigError`.

@@ -64,14 +64,10 @@ def read_lost_contact(
     Raises:
         ConfigError: An entry is wrong, whichever node it is for; reports the first.
     """
-    names: set[str] = set()
     actions = []
     for index, entry in enumerate(written.lost_contact):
         here = place.at(index)
         by = own if entry.by is None else entry.by
-        if entry.name in names:
-            here.at("name").refuse(f'"{entry.name}" a second time', allowed="a name of its own")
-        names.add(entry.name)
         _check_nodes(here, entry, by)
         _check_time(here, entry, by, written)
         action = _read_action(here, entry, by, table, ros_streams)

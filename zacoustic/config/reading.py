@@ -35,7 +35,6 @@ from zacoustic.config.sections import (
     ZENOH_KEYS,
     CarryEntry,
     LinkEntry,
-    NodeEntry,
     RangingEntry,
     Section,
     TypeEntry,
@@ -206,10 +205,10 @@ def config_from_mapping(
     place = Place(source, _with_steps(section))
     place, topics = _read_allowed_topics(place, folder or Path())
     written = place.convert(Section)
-    nodes = _read_nodes(place.at("nodes"), written.nodes)
-    own = _own_address(place.at("address"), written.address, address, nodes)
+    nodes = {each.address: each.name for each in written.nodes}
     known = _known(written, nodes)
     check_references(place, written, None, known)
+    own = _own_address(place.at("address"), written.address, address, nodes)
     routes = read_routes(place, written.routes, written.links)
     links = read_links(place.at("links"), written.links, locator, own)
     ros = RosReader(place, written, folder or Path())
@@ -305,21 +304,6 @@ def _by_id(by_text: Mapping[str, float]) -> dict[int, float]:
         for text, bits in by_text.items()
         if (stream_id := whole_number(text)) is not None
     }
-
-
-def _read_nodes(place: Place, entries: tuple[NodeEntry, ...]) -> dict[int, str]:
-    nodes: dict[int, str] = {}
-    for index, entry in enumerate(entries):
-        here = place.at(index)
-        if entry.address in nodes:
-            here.at("address").refuse(
-                f"{entry.address} is the address of {nodes[entry.address]}",
-                allowed="an address of its own",
-            )
-        if entry.name in nodes.values():
-            here.at("name").refuse(f'"{entry.name}" a second time', allowed="a name of its own")
-        nodes[entry.address] = entry.name
-    return nodes
 
 
 def _known(written: Section, nodes: Mapping[int, str]) -> Known:

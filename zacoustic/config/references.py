@@ -43,6 +43,8 @@ def check_references(
     if kind is None or value is None:
         return
     if isinstance(value, tuple):
+        for key in mark(kind, "once") or ():
+            _check_once(place, key)
         again = repeated(value, kind)
         if again is not None:
             place.at(again).refuse(f"{shown(value[again])} a second time", allowed="each once")
@@ -55,3 +57,14 @@ def check_references(
         what = f"{value} is no node" if list_name == "nodes" else None
         allowed = ", ".join(names.values()) or "none, no link has a name"
         place.refuse(what, allowed=allowed, hint=_HINTS[list_name])
+
+
+def _check_once(place: Place, key: str) -> None:
+    """Check that no two tables of the list at `place` have the same value of a key."""
+    places = [place.at(index).at(key) for index in range(len(place.entries))]
+    first: dict[object, Place] = {}
+    for here in places:
+        other = first.setdefault(here.written, here)
+        if other is not here:
+            what = f"{shown(here.written)} a second time, as{other.path.replace('.', ' ', 1)}"
+            here.refuse(what, allowed="one of its own")

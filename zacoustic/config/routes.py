@@ -21,19 +21,13 @@ def read_routes(
         ConfigError: An entry is wrong; reports the first.
     """
     names = [each.name for each in links if each.name is not None]
-    taken = {*names}
-    ids: set[int] = set()
     found = []
     for index, entry in enumerate(entries):
         here = place.at("routes").at(index)
-        if entry.id in ids:
-            here.at("id").refuse(f"{entry.id} a second time", allowed="another one for each route")
-        ids.add(entry.id)
-        if entry.name in taken:
+        if entry.name in names:
             here.at("name").refuse(
                 f'"{entry.name}" a second time', allowed="a name that no link and no route has"
             )
-        taken.add(entry.name)
         found.append(
             Route(
                 route_id=entry.id,

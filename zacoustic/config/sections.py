@@ -2,9 +2,9 @@
 
 Each field states what its key may be: the type, the range, the words (`zacoustic.text.allowed`).
 Reading, errors, docs/reference.md and the schema of editors follow from that. The records hold the
-file's values and nothing else; `reading` interprets them, and checks what needs two keys. Two marks
-say what a value refers to: `refers`, the list of the section that must have it, and `unique`, that
-a list has it once.
+file's values and nothing else; `reading` interprets them, and checks what needs two keys. Marks
+say what a value refers to: `refers`, the list of the section that must have it; `unique`, that a
+list has it once; and `once`, the keys whose values no two tables of a list share.
 """
 
 from typing import Annotated, Any, Final, Literal, TypeAlias
@@ -150,7 +150,7 @@ class LinkEntry(Entry, frozen=True, kw_only=True):
     ) = None
     """rmw_desert's file of topics and ids, relative to this file; default: the streams have ids."""
     access: AccessSpec | Literal["auto"] | None = None
-    """Medium access, read by `zacoustic.config.access`, or "auto", the default."""
+    """Medium access, or "auto", the default."""
     max_airtime: Share | None = None
     """Share of the time that this node may be on the air on this link; default: the section's."""
     max_frame_s: _FrameTime | None = None
@@ -484,14 +484,14 @@ class Section(Entry, frozen=True, kw_only=True):
 
     address: Address | None = None
     """Acoustic address of this node; `--address` overrides it."""
-    nodes: tuple[NodeEntry, ...] = ()
+    nodes: Annotated[tuple[NodeEntry, ...], Meta(extra={"once": ("address", "name")})] = ()
     """The fleet."""
     agreement: AgreementMethod | None = None
     """How nodes learn that they share a table: `"confirm"` for few nodes, `"tag"` for many;
     default: `"confirm"`."""
     links: tuple[LinkEntry, ...] = ()
     """The modems, the first one for streams that name none; `--link` overrides them."""
-    routes: tuple[RouteEntry, ...] = ()
+    routes: Annotated[tuple[RouteEntry, ...], Meta(extra={"once": ("id", "name")})] = ()
     """Routes over other nodes, equal in the fleet."""
     relay: RelayRules | None = None
     """How much this node does for the routes of others."""
@@ -541,7 +541,10 @@ class Section(Entry, frozen=True, kw_only=True):
     """A node is lost when not heard for this long, s; default: never."""
     lost_contact: Annotated[
         tuple[LostContactEntry, ...],
-        Meta(title="a list of { name, lost_after_s, call } or { name, lost_after_s, publish }"),
+        Meta(
+            title="a list of { name, lost_after_s, call } or { name, lost_after_s, publish }",
+            extra={"once": ("name",)},
+        ),
     ] = ()
     """What the gateways do when they hear nobody any more."""
     security: SecurityEntry | None = None
