@@ -105,7 +105,10 @@ def test_a_scenario_takes_everything_that_the_format_has() -> None:
         ({"nodes": [NODES[0], NODES[0]]}, r"nodes\[1\].address is 1; allowed: an address that "),
         ({"nodes": [{"address": 0, "position": HERE}]}, r"nodes\[0\].address is 0; .* 1..254"),
         ({"nodes": [{"address": 255, "position": HERE}]}, r"nodes\[0\].address is 255; .*1..254"),
-        ({"nodes": [{"address": "1", "position": HERE}]}, r"nodes\[0\].address is '1'; allowed: a whole number"),
+        (
+            {"nodes": [{"address": "1", "position": HERE}]},
+            r"nodes\[0\].address is '1'; .* a whole number",
+        ),
         ({"nodes": [{"address": 1}]}, r"nodes\[0\].position is missing; .* position and track"),
         (
             {"nodes": [{"address": 1, "position": HERE, "track": []}]},
