@@ -86,7 +86,7 @@ def give_ids(place: Place, topics: AllowedTopics) -> list[Any]:
     Raises:
         ConfigError: A stream is not in the file, or has another id there.
     """
-    return [_give_id(place.at(index), each, topics) for index, each in enumerate(place.entries)]
+    return [_give_id(each, each.written, topics) for each in place.items]
 
 
 def _give_id(place: Place, entry: object, topics: AllowedTopics) -> object:

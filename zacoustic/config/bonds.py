@@ -67,14 +67,12 @@ def read_bonds(
     here = place.at("default_links")
     if here.written is not None:
         default = bonds.name_of(here)
-    for index, _ in enumerate(place.at("streams").entries):
-        stream = place.at("streams").at(index)
-        stream_id = stream.at("id").written
+    for stream in place.at("streams").items:
         if stream.at("links").written is None:
             continue
         if stream.at("link").written is not None:
             stream.at("links").refuse("beside link", allowed="one of the two")
-        of_streams[stream_id] = bonds.name_of(stream.at("links"))
+        of_streams[stream.at("id").written] = bonds.name_of(stream.at("links"))
     return (bonds.found, of_streams, default) if is_in_use else ((), {}, "")
 
 

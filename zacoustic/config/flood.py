@@ -60,8 +60,7 @@ def read_flood(
 
 def _flooded_streams(place: Place, wire: WireProfile) -> dict[int, str]:
     found: dict[int, str] = {}
-    for index, _ in enumerate(place.at("streams").entries):
-        stream = place.at("streams").at(index)
+    for stream in place.at("streams").items:
         if not stream.at("flood").written:
             continue
         if wire is WireProfile.RMW_DESERT:
@@ -69,7 +68,5 @@ def _flooded_streams(place: Place, wire: WireProfile) -> dict[int, str]:
         for key in ("link", "links", "carry"):
             if stream.at(key).written is not None:
                 stream.at("flood").refuse(f"beside {key}", allowed="one of the two")
-        stream_id = stream.at("id").written
-        if isinstance(stream_id, int):
-            found[stream_id] = FLOOD_NAME
+        found[stream.at("id").written] = FLOOD_NAME
     return found

@@ -72,8 +72,7 @@ def read_links_of_streams(
     own_names = {entry.name for entry in links}
     to_ends = {each.name: each.other_end(own) is not None for each in routes}
     found: dict[int, str] = {}
-    for index, _ in enumerate(place.entries):
-        here = place.at(index)
+    for here in place.items:
         name, stream_id = here.at("link").written, here.at("id").written
         is_used = to_ends[name] if name in to_ends else len(links) > 1 and name in own_names
         if is_used and name is not None:

@@ -57,10 +57,11 @@ class Place:
         return words_of(self._kind) if self._kind is not None else ""
 
     @property
-    def entries(self) -> list[object]:
-        """The items of the list at this place; empty if it is not a list."""
+    def items(self) -> "list[Place]":
+        """The places of the items of the list here; empty if it is not a list."""
         written = self.written
-        return list(written) if isinstance(written, list | tuple) else []
+        count = len(written) if isinstance(written, list | tuple) else 0
+        return [self.at(index) for index in range(count)]
 
     def at(self, key: str | int) -> "Place":
         """Return the place of a key of this table, or of an index of this list."""

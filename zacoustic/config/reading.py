@@ -227,7 +227,7 @@ def config_from_mapping(
         model=read.model if read is not None else None,
         wire=wire,
     )
-    table = read_streams(place.at("streams"), len(written.streams), fleet, ros)
+    table = read_streams(place.at("streams"), fleet, ros)
     check_model(place.at("model"), table)
     security = read_security(place.at("security"), written.security, table, folder or Path())
     lost_contact = read_lost_contact(place.at("lost_contact"), written, own, table, ros.streams)
@@ -283,8 +283,7 @@ def _with_step(field: Any) -> Any:  # noqa: ANN401 (as it is written)
 
 def _read_allowed_topics(place: Place, folder: Path) -> tuple[Place, AllowedTopics | None]:
     """Read rmw_desert's file, if a link names one; return the section with its ids."""
-    for index, _ in enumerate(place.at("links").entries):
-        here = place.at("links").at(index)
+    for here in place.at("links").items:
         written = here.at("allowed_topics").written
         if not isinstance(written, str):
             continue

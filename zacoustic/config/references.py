@@ -61,9 +61,9 @@ def check_references(
 
 def _check_once(place: Place, key: str) -> None:
     """Check that no two tables of the list at `place` have the same value of a key."""
-    places = [place.at(index).at(key) for index in range(len(place.entries))]
     first: dict[object, Place] = {}
-    for here in places:
+    for item in place.items:
+        here = item.at(key)
         other = first.setdefault(here.written, here)
         if other is not here:
             what = f"{shown(here.written)} a second time, as{other.path.replace('.', ' ', 1)}"

@@ -109,9 +109,8 @@ class RosReader:
     def types(self, streams: Place) -> list[TypeSpec]:
         """Return the types of the ROS interfaces that streams and types of the section name."""
         found: dict[str, TypeSpec] = {}
-        for index, entry in enumerate(streams.entries):
-            here = streams.at(index)
-            kind = next((kind for kind in _KINDS if isinstance(entry, dict) and kind in entry), "")
+        for here in streams.items:
+            kind = next((kind for kind in _KINDS if here.at(kind).written is not None), "")
             for key in _TYPE_KEYS.get(kind, ()):
                 name = here.at(key).written
                 if self._is_interface(name):
@@ -240,12 +239,8 @@ class RosReader:
 
     def _field_types(self) -> list[Place]:
         """Return the places at which fields of types name interfaces."""
-        types = self._place.at("types")
-        fields = [
-            types.at(index).at("fields").at(number).at("type")
-            for index in range(len(types.entries))
-            for number in range(len(types.at(index).at("fields").entries))
-        ]
+        types = self._place.at("types").items
+        fields = [field.at("type") for each in types for field in each.at("fields").items]
         return [each for each in fields if self._is_interface(each.written)]
 
     def _typed(self, place: Place, kind: str, name: str) -> dict[str, Any]:
@@ -282,7 +277,7 @@ class RosReader:
         changed: dict[str, Any] = {kind: called}
         if kind == "topic":
             stamp = self._stamp(place, name)
-            if place.at("wildcards").entries:
+            if place.at("wildcards").items:
                 place.at("wildcards").refuse("with ros", allowed="{node} alone")
             topic = RosTopic(
                 interface=name,

@@ -43,12 +43,11 @@ class Fleet(msgspec.Struct, frozen=True, kw_only=True):
     """Wire profile of the link."""
 
 
-def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> StreamTable:
-    """Read the list at `place`, which has `count` entries.
+def read_streams(place: Place, fleet: Fleet, ros: RosReader) -> StreamTable:
+    """Read the list at `place`.
 
     Args:
         place: The list.
-        count: Its length.
         fleet: Nodes, types and other things to which streams refer.
         ros: Reads their ROS settings.
 
@@ -56,8 +55,7 @@ def read_streams(place: Place, count: int, fleet: Fleet, ros: RosReader) -> Stre
         ConfigError: An entry is wrong; reports the first.
     """
     table = StreamTable(types=fleet.types, nodes=fleet.nodes, model=fleet.model, wire=fleet.wire)
-    for index in range(count):
-        here = place.at(index)
+    for here in place.items:
         spec = _read_stream(here, fleet, ros)
         try:
             table.declare(spec)
