@@ -87,8 +87,8 @@ def test_declaration_is_found_by_the_tag_that_is_written() -> None:
     [
         (Record(count=0), "count is 0; allowed: a number, 1..65535"),
         (Record(share=float("nan")), "share is nan; allowed: a share, above 0, at most 1"),
-        (Record(word="gren"), "word is gren; allowed: red, green"),
-        (Record(word="red\n"), "word is red\n; allowed: red, green"),
+        (Record(word="gren"), 'word is "gren"; allowed: red, green'),
+        (Record(word="red\n"), 'word is "red\n"; allowed: red, green'),
         (Record(path=(1,)), "path is (1,); allowed: a list of an address, 1..254, 2..4 of them"),
         (Record(path=(1, 300)), "path[1] is 300; allowed: an address, 1..254"),
         (Record(path=(1, 2, 1)), "path[2] is 1 a second time; allowed: each once"),

@@ -198,7 +198,7 @@ def _limited(record: _Record) -> tuple[tuple[str, Any, inspect.Type], ...]:
 
 
 def _short(value: object) -> str:
-    text = str(value)
+    text = f'"{value}"' if isinstance(value, str) else str(value)
     return text if len(text) <= _SHOWN_CHARACTERS else f"{text[: _SHOWN_CHARACTERS - 1]}…"
 
 
