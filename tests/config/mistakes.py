@@ -59,7 +59,7 @@ MISTAKES: list[tuple[str, object, str]] = [
         "a",
         ".streams[2]: topic and service; allowed: one of topic, service, action",
     ),
-    ("streams.2.server", ..., ".streams[2].server: is missing; allowed: the address of a node"),
+    ("streams.2.server", ..., ".streams[2].server: is missing; allowed: 1 (shore), 2 (auv1)"),
     (
         "address",
         ...,
@@ -93,7 +93,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("streams.0", 3, ".streams[0]: 3; allowed: { id, topic, … }, {"),
     ("streams.0.id", "10", '.streams[0].id: "10"; allowed: a number, 1..175'),
     ("streams.0.publishers", 2, ".streams[0].publishers: 2; allowed: a list of addresses of nodes"),
-    ("streams.0.publishers", ["x"], '.streams[0].publishers[0]: "x"; allowed: the address of a'),
+    ("streams.0.publishers", ["x"], '.streams[0].publishers[0]: "x"; allowed: 1 (shore), 2 (auv'),
     ("streams.0.lifespan_s", "1", '.streams[0].lifespan_s: "1"; allowed: seconds, above 0'),
     ("streams.0.topic", None, ".streams[0].topic: null; allowed: a text, a key expression"),
     ("streams.0.depth", 1.5, ".streams[0].depth: 1.5; allowed: a number, 1..65535"),
@@ -254,7 +254,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("streams.2.deadline_s", 9, ".streams[2].deadline_s: unknown key"),
     ("streams.2.linger_s", -1, ".streams[2].linger_s: -1; allowed: seconds, 0 or more"),
     ("ranging", {}, ".ranging: {}; allowed: a list of { to, every_s, … }"),
-    ("ranging.0.to", "auv1", '.ranging[0].to: "auv1"; allowed: the address of another node'),
+    ("ranging.0.to", "auv1", '.ranging[0].to: "auv1"; allowed: 1 (shore), 2 (auv1)'),
     ("ranging.0.to", 9, ".ranging[0].to: 9 is no node; allowed: 1 (shore), 2 (auv1)"),
     ("ranging.0.to", 2, ".ranging[0].to: 2 is the node that measures; allowed: another node"),
     (
@@ -262,7 +262,7 @@ MISTAKES: list[tuple[str, object, str]] = [
         {"to": 2, "every_s": 3},
         "(say by whom, so that one file serves a fleet: by: ADDRESS)",
     ),
-    ("ranging.0.to", ..., ".ranging[0].to: is missing; allowed: the address of another node"),
+    ("ranging.0.to", ..., ".ranging[0].to: is missing; allowed: 1 (shore), 2 (auv1)"),
     ("ranging.0.by", 1, ".ranging[0].to: 1 is the node that measures; allowed: another node"),
     ("ranging.0.by", 9, ".ranging[0].by: 9 is no node; allowed: 1 (shore), 2 (auv1)"),
     ("ranging.0.every_s", 0.5, ".ranging[0].every_s: 0.5; allowed: seconds, 1..86400"),
@@ -388,7 +388,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     (
         "streams.3",
         {"id": 30, "action": "auv1/goto", "goal": "Nav"},
-        ".streams[3].server: is missing; allowed: the address of a node",
+        ".streams[3].server: is missing; allowed: 1 (shore), 2 (auv1)",
     ),
     (
         "streams.3",

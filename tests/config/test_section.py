@@ -207,3 +207,14 @@ def test_a_step_may_be_a_ratio_and_is_meant_exactly() -> None:
     for count in (0, 1, 7, 2_591_234, -5_400_000):
         assert lat.quantiser.value(count) == count / 60000
         assert lat.quantiser.count(count / 60000 + 0.4 / 60000) == count
+
+
+def test_reference_to_a_node_shows_the_fleet_on_one_line() -> None:
+    section = changed("nodes.0.name", "a\nb")
+    section["streams"][2]["server"] = 300
+    message = message_of(section)
+    assert message.endswith(
+        ".streams[2].server: 300; allowed: 1 (a\N{REPLACEMENT CHARACTER}b), 2 (auv1)"
+    )
+    section["nodes"], section["streams"] = [], section["streams"][2:]
+    assert message_of(section).endswith(".server: 300; allowed: the address of a node, 1..254")

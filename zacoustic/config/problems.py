@@ -53,8 +53,15 @@ class Place:
 
     @property
     def allowed(self) -> str:
-        """The allowed values in words, as the field of the key declares them."""
-        return words_of(self._kind) if self._kind is not None else ""
+        """The allowed values in words: the nodes of the fleet, or what the field declares."""
+        kind = self._kind
+        if kind is None:
+            return ""
+        fleet = Place(self.source, self._whole, ".nodes").items
+        nodes = [(each.at("address").written, each.at("name").written) for each in fleet]
+        if mark(kind, "refers") == "nodes" and nodes:
+            return ", ".join(_printable(f"{address} ({name})") for address, name in nodes)
+        return words_of(kind)
 
     @property
     def items(self) -> "list[Place]":

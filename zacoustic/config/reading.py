@@ -59,6 +59,7 @@ from zacoustic.core.values.types import (
 )
 from zacoustic.errors import ConfigError
 from zacoustic.seal.spec import SecuritySpec
+from zacoustic.text.allowed import find, table_of
 from zacoustic.text.digits import whole_number
 
 if TYPE_CHECKING:  # the import costs a shared library, which a node without Zenoh does not need
@@ -207,10 +208,11 @@ def config_from_mapping(
     written = place.convert(Section)
     nodes = {each.address: each.name for each in written.nodes}
     known = _known(written, nodes)
-    check_references(place, written, None, known)
+    check_references(place.at("nodes"), written.nodes, find(table_of(Section), ["nodes"]), known)
     own = _own_address(place.at("address"), written.address, address, nodes)
-    routes = read_routes(place, written.routes, written.links)
     links = read_links(place.at("links"), written.links, locator, own)
+    check_references(place, written, None, known)
+    routes = read_routes(place, written.routes, written.links)
     ros = RosReader(place, written, folder or Path())
     ros_types = ros.types(place.at("streams"))
     types, python_types = _read_types(place.at("types"), written.types, ros_types)

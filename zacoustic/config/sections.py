@@ -110,7 +110,9 @@ StreamId: TypeAlias = Annotated[
     ),
 ]
 """Number of a stream: the first byte of each record."""
-_Codec: TypeAlias = Annotated[str, one_of(("cbor", "packed"))]
+_Codec: TypeAlias = Annotated[
+    str, one_of(("cbor", "packed")), Meta(extra={"hint": "topics can be dense"})
+]
 
 
 class Entry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
