@@ -106,5 +106,7 @@ def test_node_keeps_its_cap() -> None:
 
 @pytest.mark.parametrize("share", [0.0, -0.1, 1.1])
 def test_share_out_of_range_is_refused(share: float) -> None:
-    with pytest.raises(ValueError, match=r"max_airtime is .*; allowed: a share, above 0, at most 1"):
+    with pytest.raises(
+        ValueError, match=r"max_airtime is .*; allowed: a share, above 0, at most 1"
+    ):
         Qos(max_airtime=share)
