@@ -9,7 +9,6 @@ from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.values.dense import DenseCodec, Model
 from zacoustic.errors import ConfigError
 
-_HINT = "`zacoustic codec fit RECORDING --config FILE --output MODEL` makes one"
 _MOST_BYTES = 1 << 24
 
 
@@ -40,7 +39,7 @@ def read_model(place: Place, written: str | None, folder: Path) -> ModelFile | N
     try:
         return msgspec.json.decode(content, type=ModelFile, strict=True)
     except (msgspec.DecodeError, RecursionError) as error:
-        place.refuse(f"{written}: no model: {error}", allowed=place.allowed, hint=_HINT)
+        place.refuse(f"{written}: no model: {error}", allowed=place.allowed, hint=place.hint)
 
 
 def check_model(place: Place, table: StreamTable) -> None:
@@ -56,8 +55,10 @@ def check_model(place: Place, table: StreamTable) -> None:
         place.refuse("no stream is dense", allowed='streams with codec: "dense"')
     strangers = [name for name in table.model.streams if name not in map(str, types)]
     if strangers:
-        place.refuse(f"has streams that are not dense here: {', '.join(strangers)}", hint=_HINT)
+        place.refuse(
+            f"has streams that are not dense here: {', '.join(strangers)}", hint=place.hint
+        )
     try:
         DenseCodec(types, model=table.model)
     except ConfigError as error:
-        place.refuse(str(error.args[0]), hint=error.hint or _HINT)
+        place.refuse(str(error.args[0]), hint=error.hint or place.hint)

@@ -64,6 +64,14 @@ class Place:
         return words_of(kind)
 
     @property
+    def hint(self) -> str:
+        """What to do, as the field declares, or which of its words is nearly the one here."""
+        declared = mark(self._kind, "hint") if self._kind is not None else None
+        words = [each for each in self.allowed.split(", ") if " " not in each]
+        close = get_close_matches(self.written, words, 1) if isinstance(self.written, str) else []
+        return str(declared or "") or (f'did you mean "{close[0]}"?' if close else "")
+
+    @property
     def items(self) -> "list[Place]":
         """The places of the items of the list here; empty if it is not a list."""
         written = self.written
@@ -88,7 +96,7 @@ class Place:
         """
         if what is None:
             what = shown(self.written)
-            hint = hint or ("" if allowed else self._hint())
+            hint = hint or ("" if allowed else self.hint)
             allowed = allowed or self.allowed
         message = f"{self.source}: {SECTION_PATH}{self.path}: {what}"
         raise ConfigError(f"{message}; allowed: {allowed}" if allowed else message, hint=hint)
@@ -143,21 +151,16 @@ class Place:
         try:
             content = self.path_of(self.written, folder).read_bytes()
         except OSError as error:
-            self.refuse(f"{self.written}: {error.strerror}", allowed=self.allowed)
+            what = f"{self.written}: {error.strerror}"
+            self.refuse(what, allowed=self.allowed, hint=self.hint)
         if len(content) > most_bytes:
-            self.refuse(f"{self.written}: {len(content)} bytes", allowed=f"{most_bytes}")
+            what = f"{self.written}: {len(content)} bytes"
+            self.refuse(what, allowed=f"{most_bytes}", hint=self.hint)
         return content
 
     @property
     def _kind(self) -> msgspec.inspect.Type | None:
         return find(table_of(Section), steps_of(self.path), self._whole)
-
-    def _hint(self) -> str:
-        """Return what the key declares, or which of its words is nearly the one here."""
-        declared = mark(self._kind, "hint") if self._kind is not None else None
-        words = [each for each in self.allowed.split(", ") if " " not in each]
-        close = get_close_matches(self.written, words, 1) if isinstance(self.written, str) else []
-        return str(declared or "") or (f'did you mean "{close[0]}"?' if close else "")
 
 
 def shown(value: object) -> str:
@@ -209,7 +212,7 @@ def _translate(
         below.repeat(error.__cause__)
     if missing:
         here = below.at(missing[1])
-        here.refuse("is missing", allowed=here.allowed, hint=here._hint())
+        here.refuse("is missing", allowed=here.allowed, hint=here.hint)
     if below.written in LATER_VALUES.get(below.path.rpartition(".")[2], ()):
         what = f"{shown(below.written)} is not available yet"
         below.refuse(what, allowed=below.allowed, hint="a later version will have it")

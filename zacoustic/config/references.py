@@ -51,12 +51,12 @@ def check_references(
         for index, each in enumerate(value):
             check_references(place.at(index), each, find(kind, [index]), known)
         return
-    names = known.get(mark(kind, "refers"))
+    of_list = mark(kind, "refers")
+    names = known.get(of_list)
     if names is not None and value not in names:
-        list_name = mark(kind, "refers")
-        what = f"{value} is no node" if list_name == "nodes" else None
+        what = f"{value} is no node" if of_list == "nodes" else None
         allowed = ", ".join(names.values()) or "none, no link has a name"
-        place.refuse(what, allowed=allowed, hint=_HINTS[list_name])
+        place.refuse(what, allowed=allowed, hint=_HINTS[of_list])
 
 
 def _check_once(place: Place, key: str) -> None:

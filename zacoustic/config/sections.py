@@ -74,6 +74,9 @@ _CHUNK: Final = Meta(
 _LINK_CHUNK: Final = Meta(
     pattern="^[^/@*$?#{}]+$", description="one chunk of a key, without / @ * $ ? # { }"
 )
+_FIT: Final = Meta(
+    extra={"hint": "`zacoustic codec fit RECORDING --config FILE --output MODEL` makes one"}
+)
 _LINK: Final = Meta(description="the name of a link", extra={"refers": "links"})
 _WAY: Final = Meta(description="the name of a link or a route", extra={"refers": "ways"})
 _TYPE: Final = Meta(title="a text, the name of a type")
@@ -510,7 +513,7 @@ class Section(Entry, frozen=True, kw_only=True):
     """Folder of the journal, relative to this file; default: nothing survives a restart."""
     streams: tuple[Annotated[dict[str, Any], _STREAM], ...] = ()
     """The streams that cross the channel."""
-    model: Annotated[str, _file("the file that `zacoustic codec fit` has made")] | None = None
+    model: Annotated[str, _file("the file that `zacoustic codec fit` has made"), _FIT] | None = None
     """File with the model of the dense streams, relative to this file; default: no model."""
     ranging: tuple[RangingEntry, ...] = ()
     """Ranges that nodes measure periodically."""

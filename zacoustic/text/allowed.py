@@ -18,10 +18,10 @@ from typing import Any, Final
 import msgspec
 from msgspec import Meta, inspect
 
-_BOUNDLESS: Final = 1e9
-"""A range up to here or beyond has no upper end that anybody meets."""
+_FAR: Final = 1e9
+"""Upper bounds from here on are named after the lower one: hardly anybody meets them."""
 _FINITE: Final = 1e300
-"""A bound from here on only means that a number is finite."""
+"""Upper bounds from here on only mean that a number is finite: they are not named."""
 _SHOWN_CHARACTERS: Final = 60  # of a value
 _PATH: Final = re.compile(r"(.*) - at (?:`key` in )?`\$(.*)`", re.DOTALL)
 _STEPS: Final = re.compile(r"\.(\w+)|\[(\d+)\]")
@@ -263,7 +263,7 @@ def _range(kind: inspect.IntType | inspect.FloatType) -> str:
         return f"above {_number(kind.gt)}{at_most}"
     if kind.ge is None:
         return at_most.removeprefix(", ")
-    if most is None or most >= _BOUNDLESS:
+    if most is None or most >= _FAR:
         return f"{_number(kind.ge)} or more{at_most}"
     return f"{_number(kind.ge)}..{_number(most)}"
 
@@ -272,4 +272,4 @@ def _number(value: float) -> str:
     """Return a bound as people write it: no point in whole numbers, no row of zeros."""
     if isinstance(value, int):
         return str(value)
-    return f"{value:.15g}" if value < _BOUNDLESS else f"{value:g}"
+    return f"{value:.15g}" if value < _FAR else f"{value:g}"
