@@ -66,8 +66,8 @@ MISTAKES: list[tuple[str, object, str]] = [
         ".address: is missing; allowed: 1 (shore), 2 (auv1) (add it, or give --address)",
     ),
     # wrong kinds
-    ("address", "two", '.address: "two"; allowed: an address, 1..254'),
-    ("address", 2.5, ".address: 2.5; allowed: an address, 1..254"),
+    ("address", "two", '.address: "two"; allowed: 1 (shore), 2 (auv1)'),
+    ("address", 2.5, ".address: 2.5; allowed: 1 (shore), 2 (auv1)"),
     ("nodes", {"1": "shore"}, '.nodes: {"1": "shore"}; allowed: a list of { address, name, … }'),
     ("nodes.0", "shore", '.nodes[0]: "shore"; allowed: { address, name, heartbeat_s'),
     ("nodes.0.name", 4, ".nodes[0].name: 4; allowed: one chunk of a key"),
@@ -110,7 +110,7 @@ MISTAKES: list[tuple[str, object, str]] = [
     ("nodes.1.name", "", '.nodes[1].name: ""; allowed: one chunk of a key'),
     ("nodes.1.name", "{x}", '.nodes[1].name: "{x}"; allowed: one chunk of a key'),
     ("address", 3, ".address: 3; allowed: 1 (shore), 2 (auv1)"),
-    ("address", 0, ".address: 0; allowed: an address, 1..254"),
+    ("address", 0, ".address: 0; allowed: 1 (shore), 2 (auv1)"),
     (
         "links.0.locator",
         "modem",

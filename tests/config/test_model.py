@@ -56,7 +56,9 @@ def test_a_file_that_is_no_model_of_these_streams_is_refused(
 
 
 def test_a_missing_file_and_a_model_for_nothing_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"f: plugins\.acoustic\.model: .*No such file.*codec fit"):
+    with pytest.raises(
+        ConfigError, match=r"f: plugins\.acoustic\.model: .*No such file.*codec fit"
+    ):
         config_from_mapping(section(model="none.json"), source="f", folder=tmp_path)
     with pytest.raises(ConfigError, match="no stream is dense; allowed: streams with codec"):
         read(tmp_path, EMPTY, codec="packed")

@@ -164,7 +164,7 @@ def test_scrapes_in_a_row_ask_the_gateway_once_a_second(monkeypatch: pytest.Monk
 
 @pytest.mark.parametrize("name", ["", "a b", "http://auv1", "auv1:9464", "*.example"])
 def test_names_of_the_metrics_are_host_names(name: str) -> None:
-    with pytest.raises(ConfigError, match=r"metrics_names\[0\]: .*; allowed: a list of host names"):
+    with pytest.raises(ConfigError, match=r"metrics_names\[0\]: .*; allowed: a host name"):
         config_from_mapping(SECTION | {"metrics_names": [name]}, source="test")
 
 

@@ -59,7 +59,7 @@ class Place:
             return ""
         fleet = Place(self.source, self._whole, ".nodes").items
         nodes = [(each.at("address").written, each.at("name").written) for each in fleet]
-        if mark(kind, "refers") == "nodes" and nodes:
+        if mark(kind, "refers") in ("nodes", "own") and nodes:
             return ", ".join(_printable(f"{address} ({name})") for address, name in nodes)
         return words_of(kind)
 

@@ -321,11 +321,8 @@ def _own_address(
     place: Place, written: int | None, given: int | None, nodes: Mapping[int, str]
 ) -> int:
     own = written if given is None else given
-    allowed = ", ".join(f"{address} ({name})" for address, name in nodes.items())
     if own is None:
-        place.refuse(
-            "is missing", allowed=allowed or place.allowed, hint="add it, or give --address"
-        )
+        place.refuse("is missing", allowed=place.allowed, hint="add it, or give --address")
     try:
         msgspec.convert(own, Address)
         is_address = not nodes or own in nodes
@@ -333,7 +330,7 @@ def _own_address(
         is_address = False
     if not is_address:
         what = f"{own}" if given is None else f"{own}, given beside the file"
-        place.refuse(what, allowed=allowed or place.allowed)
+        place.refuse(what, allowed=place.allowed)
     return own
 
 

@@ -3,8 +3,9 @@
 Each field states what its key may be: the type, the range, the words (`zacoustic.text.allowed`).
 Reading, errors, docs/reference.md and the schema of editors follow from that. The records hold the
 file's values and nothing else; `reading` interprets them, and checks what needs two keys. Marks
-say what a value refers to: `refers`, the list of the section that must have it; `unique`, that a
-list has it once; and `once`, the keys whose values no two tables of a list share.
+say what a value refers to: `refers`, the list of the section that must have it ("own": this node,
+of `nodes` or of an argument); `unique`, that a list has it once; and `once`, the keys whose values
+no two tables of a list share.
 """
 
 from typing import Annotated, Any, Final, Literal, TypeAlias
@@ -487,7 +488,7 @@ class SecurityEntry(Entry, frozen=True, kw_only=True):
 class Section(Entry, frozen=True, kw_only=True):
     """The section `plugins.acoustic`."""
 
-    address: Address | None = None
+    address: Annotated[Address, Meta(extra={"refers": "own"})] | None = None
     """Acoustic address of this node; `--address` overrides it."""
     nodes: Annotated[tuple[NodeEntry, ...], Meta(extra={"once": ("address", "name")})] = ()
     """The fleet."""
