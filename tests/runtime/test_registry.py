@@ -85,7 +85,7 @@ def test_our_own_link_is_found_and_built_by_its_locator() -> None:
         ("sim/h:1#framed=true&framed=false", "setting 'framed' is given twice"),
         ("sim/h:1#speed=9", "unknown setting 'speed'; allowed settings: addressed"),
         ("sim/h:1#framed=maybe", "framed is 'maybe'; allowed: true, false"),
-        ("sim/h:1#wait_s=0", "wait_s is 0.0; allowed: above 0"),
+        ("sim/h:1#wait_s=0", "wait_s is '0'; allowed: seconds, above 0"),
         ("sim/nowhere", "allowed: tcp:HOST:PORT"),
     ],
 )

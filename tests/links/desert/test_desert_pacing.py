@@ -107,7 +107,7 @@ WRONG = [
     ({"max_read_length": 16}, r"max_read_length is 16; allowed: a number, 17\.\.4096"),
     ({"max_read_length": 4097}, r"max_read_length is 4097; allowed: a number, 17\.\.4096"),
     ({"max_read_length": 17, "framing": "rmw_desert"}, r"allowed: 18\.\.4096"),
-    ({"period_s": 0.0}, "period_s is 0; allowed: seconds, above 0"),
+    ({"period_s": 0.0}, "period_s is 0.0; allowed: seconds, above 0"),
     ({"period_s": float("nan")}, "period_s is nan"),
     ({"listen_s": -1.0}, "listen_s is -1"),
     ({"latency_s": float("inf")}, "latency_s is inf"),
