@@ -47,7 +47,7 @@ from zacoustic.core.base.linktypes import (
     TransmitReport,
 )
 from zacoustic.errors import ConfigError, LinkOpenError
-from zacoustic.text.allowed import allowed, check_fields, located, table_of
+from zacoustic.text.allowed import ANY, allowed, check_fields, located, table_of
 
 LINK_API: Final = 1
 """Version of this contract; the registry refuses a link for another version."""
@@ -264,8 +264,10 @@ def convert_config(
     try:
         return msgspec.convert(settings, config_type, strict=False)
     except msgspec.ValidationError as error:
-        name = located(error)[1].removeprefix(".")
+        message, path = located(error)
+        name = path.removeprefix(".")
         if name not in declared:
             raise ConfigError(f"{source}: {error}") from error
-        what = f"{name} is {settings[name]!r}; allowed: {allowed(declared[name])}"
+        words = allowed(declared[name])
+        what = f"{name} is {settings[name]!r}; allowed: {message if words == ANY else words}"
         raise ConfigError(f"{source}: {what}") from error

@@ -18,6 +18,8 @@ from typing import Any, Final
 import msgspec
 from msgspec import Meta, inspect
 
+ANY: Final = "a value"
+"""Words of a type that declares nothing, and is none of those that have words."""
 _FAR: Final = 1e9
 """Upper bounds from here on are named after the lower one: hardly anybody meets them."""
 _FINITE: Final = 1e300
@@ -69,7 +71,7 @@ def allowed(kind: inspect.Type) -> str:
             return noun or f"a list of {len(items)} values"
         case inspect.VarTupleType(item_type=item) | inspect.ListType(item_type=item):
             return (noun or _list(item)) + _length(inner)
-    return noun or "a value"
+    return noun or ANY
 
 
 def mark(kind: inspect.Type, name: str) -> Any:  # noqa: ANN401 (of the declaration)
