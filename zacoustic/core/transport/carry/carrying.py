@@ -346,12 +346,28 @@ class Carrying:
         verdict = self._counts.judge(bundle.stream_id, bundle.instance, claim)
         if verdict is Claim.COUNT_IS_WRONG:
             self._begin_anew(bundle, now)
+        elif verdict is Claim.IMPOSSIBLE:
+            self._take_back(bundle, now)
         if verdict is not Claim.POSSIBLE:
             return
         for held in self._custody:
             is_own = held.delivery_id is not None and held.envelope.bundle == bundle
             if is_own and held.envelope.number < number:
                 self._done(held, now)
+        self._changed()
+
+    def _take_back(self, bundle: Bundle, now: int) -> None:
+        """Offer the samples of a count again that are in custody.
+
+        A custodian that has passed an impossible receipt on has believed it, and dropped them.
+        """
+        for held in self._custody:
+            custodian = held.custodian
+            if custodian is None or held.envelope.bundle != bundle:
+                continue
+            held.custodian = None
+            self._custody.write(held, now)
+            self._tell(held, None, f"node {custodian} may have dropped it", now)
         self._changed()
 
     def _begin_anew(self, bundle: Bundle, now: int) -> None:
@@ -389,6 +405,8 @@ class Carrying:
     def _pass_on(self, answer: Receipt | CarryRefusal, now: int) -> None:
         """Take an answer for another node along, and drop what it makes needless."""
         if isinstance(answer, Receipt):
+            if answer.bundle.destination == self._address:
+                return  # this node alone knows what it has
             for held in self._custody:
                 if held.envelope.bundle == answer.bundle and held.envelope.number < answer.number:
                     self._drop(held, now)
