@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+from typing import Any
 
 import msgspec
 import pytest
@@ -13,7 +14,15 @@ from zacoustic.app.tools.columns import shortened, shortened_apart
 from zacoustic.app.tools.field.rates import RateMeter
 from zacoustic.app.tools.watch.statustext import nodes_text, status_of, status_text
 from zacoustic.app.tools.watch.topicstext import streams_text
-from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
+from zacoustic.app.tools.watch.views import (
+    CarriedView,
+    CarryView,
+    GatewayView,
+    PeerView,
+    StreamView,
+    WaitsView,
+    told,
+)
 
 WIDTH = 80
 LONG = "a/very/long/key/of/a/vehicle/with/many/chunks/of/words"
@@ -79,29 +88,28 @@ def test_status_nodes_and_topics_tell_what_gateways_know(
     run(scene())
 
 
-def stream(**more: object) -> StreamView:
-    values = {
+def stream(**more: Any) -> StreamView:
+    values: dict[str, Any] = {
         "id": 10, "name": "auv1/nav", "kind": "topic", "jobs": (), "published": 0, "sent": 0,
         "heard": 0, "sent_ago_s": None, "heard_ago_s": None, "sent_rate_hz": None,
-        "heard_rate_hz": None, "age_s": None, "waiting": 0, "delivering": None, "outcomes": {},
-        "useless": 0, "expired": 0, "refused": 0, "deadline_missed": None, "airtime_bytes": 0,
-        "airtime_share": 0.0, "differs_at": (),
+        "heard_rate_hz": None, "age_s": None, "waiting": 0, "outcomes": {}, "useless": 0,
+        "expired": 0, "refused": 0, "airtime_bytes": 0, "airtime_share": 0.0, "differs_at": (),
     }  # fmt: skip
-    return msgspec.convert({**values, **more}, StreamView)
+    return StreamView(**values | more)
 
 
-def peer(**more: object) -> PeerView:
-    values = {
+def peer(**more: Any) -> PeerView:
+    values: dict[str, Any] = {
         "address": 2, "name": "auv1", "heard_ago_s": 4.0, "is_lost": False, "same_table": True,
         "snr_db": 18.1, "received_level_db": None, "integrity": None, "range_m": 1234.5,
         "propagation_s": None, "range_ago_s": 9.0, "per": 0.125, "exchanges": 8, "late": (),
         "link": None, "received": None,
     }  # fmt: skip
-    return msgspec.convert({**values, **more}, PeerView)
+    return PeerView(**values | more)
 
 
-def gateway(streams: list[StreamView], peers: list[PeerView], **more: object) -> GatewayView:
-    values = {
+def gateway(streams: list[StreamView], peers: list[PeerView], **more: Any) -> GatewayView:
+    values: dict[str, Any] = {
         "unix_s": 0.0, "address": 1, "name": "shore", "is_alive": True, "gone_s": None,
         "version": "", "uptime_s": 60.0, "wire": "native", "link": "sim/127.0.0.1:7000",
         "link_state": "up", "link_detail": "", "links": (), "routes": (), "hops": (), "bonds": (),
@@ -111,8 +119,7 @@ def gateway(streams: list[StreamView], peers: list[PeerView], **more: object) ->
         "utilisation": 0.1, "window_s": 60.0, "waiting": 3, "causes": (), "transfers": (),
         "transmitting": None, "frames": (), "dropped": {}, "events": (),
     }  # fmt: skip
-    view = msgspec.convert({**values, "streams": (), "peers": (), **more}, GatewayView)
-    return msgspec.structs.replace(view, streams=tuple(streams), peers=tuple(peers))
+    return GatewayView(**values | {"streams": tuple(streams), "peers": tuple(peers)} | more)
 
 
 def test_a_status_names_what_fails_and_stays_short() -> None:
@@ -142,22 +149,24 @@ def test_a_status_says_why_the_next_frame_waits() -> None:
         return [line for line in lines if "wait" in line]
 
     assert waiting() == ["  waiting  3 samples, calls and goals"]
-    slot = {"why": "slot", "left_s": 3.21}
+    slot = WaitsView(why="slot", left_s=3.21)
     assert waiting(waits=slot) == [
         "  waiting  3 samples, calls and goals; next frame waits: slot, 3.2 s more"
     ]
-    carrier = {"why": "carrier", "left_s": None}
+    carrier = WaitsView(why="carrier", left_s=None)
     assert waiting(waits=carrier, waiting=0) == ["  waiting  next frame waits: carrier"]
     assert waiting(waiting=0) == []
 
 
 def test_a_status_tells_what_waits_who_has_it_and_whether_that_node_is_heard() -> None:
-    log = {"stream": "auv1/log", "own": {5: 3}, "custodians": {2: 2}, "carried": {},
+    log: dict[str, Any] = {"stream": "auv1/log", "own": {5: 3}, "custodians": {2: 2}, "carried": {},
            "carried_bytes": 0, "oldest_s": 7300.0, "ends_in_s": 79_000.0}  # fmt: skip
     theirs = log | {"stream": LONG, "own": {}, "custodians": {}, "carried": {1: 9},
                     "carried_bytes": 340}  # fmt: skip
-    carry = {"own": 3, "in_custody": 2, "carried": 9, "carried_bytes": 340, "max_bytes": 500,
-             "refused": 0, "expired": 4, "streams": (log, theirs, log, log)}  # fmt: skip
+    carry = CarryView(
+        own=3, in_custody=2, carried=9, carried_bytes=340, max_bytes=500, refused=0, expired=4,
+        streams=tuple(CarriedView(**each) for each in (log, theirs, log, log)),
+    )  # fmt: skip
     sunk = peer(name="glider", heard_ago_s=11_000.0, is_lost=True)
     lost = stream(id=12, name="auv1/log", outcomes={"expired": 1})
     lines = status_text(gateway([lost], [sunk], carry=carry)).splitlines()
@@ -174,9 +183,9 @@ def test_a_status_tells_what_waits_who_has_it_and_whether_that_node_is_heard() -
         "  custody  for others 340 B of 500 B; 4 expired here",
         "  fails    auv1/log: 1 expired",
     ]
-    told = json.loads(msgspec.json.encode(status_of(gateway([], [sunk], carry=carry))))
-    assert told["carry"]["streams"][0]["custodians"] == {"2": 2}
-    assert (told["nodes"][0]["heard_ago_s"], told["nodes"][0]["trouble"]) == (11_000.0, "LOST")
+    shown = json.loads(msgspec.json.encode(told(status_of(gateway([], [sunk], carry=carry)))))
+    assert shown["carry"]["streams"][0]["custodians"] == {"2": 2}
+    assert (shown["nodes"][0]["heard_ago_s"], shown["nodes"][0]["trouble"]) == (11_000.0, "LOST")
 
 
 @pytest.mark.parametrize(

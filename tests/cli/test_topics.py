@@ -3,6 +3,7 @@
 import json
 from typing import Any
 
+import msgspec
 import pytest
 from msgspec.structs import replace
 
@@ -146,7 +147,7 @@ def test_error_rate_is_that_of_the_last_frames_to_each_node() -> None:
 
 
 def events_of(recent_events: RecentEvents) -> list[Any]:
-    document: Any = recent_events.documents()["events"]
+    document: Any = msgspec.to_builtins(recent_events.documents()["events"])
     events: list[Any] = document["events"]
     return events
 

@@ -4,19 +4,20 @@ from typing import Any
 
 from tests.virtual.surfacing import AUV, LOG, PERIOD_S, Surfacing, table
 from zacoustic.core.base.trace import TraceRecord
-from zacoustic.zenoh.gateway.status.channel import Frame, FrameLog
+from zacoustic.status.channel import FrameRow
+from zacoustic.zenoh.gateway.status.channel import FrameLog
 
 
 def test_each_frame_is_shown_once_with_its_streams_and_the_airtime_of_its_link() -> None:
     trial = Surfacing(digest=False)
     log = FrameLog(table(), lambda: trial.network.engine(AUV), unix_s=lambda: trial.now_s)
-    shown: list[Frame] = []
+    shown: list[FrameRow] = []
 
     def take(record: TraceRecord) -> None:
         if record.node == AUV:
             log.note(record)
             document: Any = log.documents()["channel"]
-            shown.extend(each for each in document["last"] if each not in shown)
+            shown.extend(each for each in document.last if each not in shown)
 
     trial.observe(take)
     for at_s in (20.0, 60.0, PERIOD_S / 2):

@@ -35,8 +35,11 @@ from tests.gateway.test_command import ended, open_medium, running, start, write
 from zacoustic.app.tools.field.jsonlog import FIELDS, JsonFormatter
 from zacoustic.config import config_from_mapping
 from zacoustic.config.metrics import metrics_argument, parse_metrics
+from zacoustic.core.bond.reach import Reach
+from zacoustic.core.relay.relay import Hop
 from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.gateway import Gateway
+from zacoustic.status.link import BondDocument, LinkDocument
 from zacoustic.zenoh.gateway.notices import Started
 from zacoustic.zenoh.gateway.status import metrics as status_metrics
 from zacoustic.zenoh.gateway.status.metrics import _hops, _reachable
@@ -169,15 +172,17 @@ def test_names_of_the_metrics_are_host_names(name: str) -> None:
 
 
 def test_lists_of_links_and_hops_have_metrics() -> None:
-    nodes = {"1": {"radio": "doubt", "acoustic": "up"}, "3": {"radio": "down", "odd": "what"}}
+    nodes = {
+        1: {"radio": Reach.DOUBT, "acoustic": Reach.UP},
+        3: {"radio": Reach.DOWN, "odd": Reach.DOWN},
+    }
     documents: dict[str, Any] = {
-        "bond/a": {"reach": nodes},
-        "bond/b": {"reach": {"3": {"radio": "up"}}},
-        "link": {},
-        "relay": {"hops": [{"route": "far", "next_node": 2, "waiting": 0, "transmissions": 14,
-                            "passed_on": 9, "given_up": 1}]},
-    }  # fmt: skip
-    families = [_reachable(documents), *_hops(documents["relay"]["hops"])]
+        "bond/a": BondDocument(reach=nodes),
+        "bond/b": BondDocument(reach={3: {"radio": Reach.UP}}),
+        "link": LinkDocument(),
+    }
+    hop = Hop(route="far", next_node=2, waiting=0, transmissions=14, passed_on=9, given_up=1)
+    families = [_reachable(documents), *_hops([hop])]
     found = {
         (each.name, *each.labels.values()): each.value
         for family in families

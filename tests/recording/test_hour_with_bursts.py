@@ -17,7 +17,8 @@ from zacoustic.core.clock import NS_PER_S
 from zacoustic.core.linktypes import Service
 from zacoustic.core.streams.specs import TopicSpec
 from zacoustic.core.streams.table import StreamTable
-from zacoustic.zenoh.gateway.status.channel import Frame, FrameLog
+from zacoustic.status.channel import FrameRow
+from zacoustic.zenoh.gateway.status.channel import FrameLog
 from zacoustic.zenoh.gateway.status.documents.peers import PeerTable
 from zacoustic.zenoh.gateway.status.traffic import Traffic
 
@@ -41,7 +42,7 @@ class Hour:
     def __init__(self) -> None:
         recorder, self.sink = recorded()
         self.logs: dict[int, FrameLog] = {}
-        self.shown: dict[int, dict[tuple[str, float, int], Frame]] = {1: {}, 2: {}}
+        self.shown: dict[int, dict[tuple[str, float, int], FrameRow]] = {1: {}, 2: {}}
         self.traffic = {node: Traffic(lambda: self.sea.now / NS_PER_S) for node in (1, 2)}
         self.begun_s: dict[int, float] = {}
 
@@ -75,7 +76,7 @@ class Hour:
         self.logs[node].note(record)
         self.traffic[node].note(record)
         document: Any = self.logs[node].documents()["channel"]
-        for each in document["last"]:
+        for each in document.last:
             self.shown[node][each.way, each.begun_unix_s, id(each)] = each
 
 
@@ -114,8 +115,8 @@ def test_the_ladder_and_the_graph_book_what_the_ledgers_book(hour: Hour) -> None
         assert sum(each.airtime_s for each in heard) == pytest.approx(own_s)
         runner: Any = type("Runner", (), {"engine": hour.sea.nodes[other].engine})
         peers: Any = PeerTable(runner, hour.traffic[other]).documents()["peers"]
-        (link,) = peers[str(node)]["received"].values()
-        assert link["airtime_s"] == pytest.approx(own_s, abs=0.002)
+        (link,) = peers[node].received.values()
+        assert link.airtime_s == pytest.approx(own_s, abs=0.002)
 
 
 def test_a_lean_reading_has_the_same_figures_and_losses(hour: Hour) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from tests.tools.boards import WAYS, full_board, full_view, put
 from zacoustic.app.tools.watch.board import MOST_NAMED, WINDOW_S, Board
-from zacoustic.app.tools.watch.views import WaitsView
+from zacoustic.app.tools.watch.views import WaitsView, told
 
 LINK = {"state": "up", "frames_transmitted": 1, "airtime_s": 6.0}
 NAV = {"id": 10, "name": "nav", "kind": "topic", "sent_at_unix_s": 990.0, "sent_period_s": 2.0,
@@ -50,9 +50,9 @@ def test_word_of_a_frame_that_waits_holds_as_long_as_it_is_true() -> None:
     board = board_at(clock)
     assert board.view(2).waits is None
     take(board, "link", LINK | {"waits": {"why": "slot", "until_unix_s": 1003.2}})
-    assert board.view(2).waits == WaitsView(why="slot", left_s=3.2)
+    assert board.view(2).waits == WaitsView(why="slot", until_unix_s=1003.2, left_s=3.2)
     clock.now_s += 4
-    assert board.view(2).waits == WaitsView(why="slot", left_s=0.0)
+    assert board.view(2).waits == WaitsView(why="slot", until_unix_s=1003.2, left_s=0.0)
     clock.now_s += 2
     assert board.view(2).waits is None, "it is over, and the gateway has not told anything new"
     take(board, "link", LINK | {"waits": {"why": "carrier", "until_unix_s": None}})
@@ -167,7 +167,7 @@ def test_links_routes_hops_and_lists_of_links() -> None:
     assert (others.carried, others.oldest_s, others.ends_in_s) == ({1: 10, 5: 2}, None, None)
     (bond,) = view.bonds
     assert (bond.name, bond.in_use, bond.again) == ("radio+acoustic", "acoustic", 4)
-    assert bond.reach[3] == {"radio": "doubt", "acoustic": "down"}
+    assert told(bond)["reach"]["3"] == {"radio": "doubt", "acoustic": "down"}
     assert [(each.address, each.link) for each in view.peers] == [
         (1, "radio"), (3, "radio"), (5, None),
     ]  # fmt: skip

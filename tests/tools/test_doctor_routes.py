@@ -12,7 +12,8 @@ from zacoustic.config import config_from_mapping
 CONFIG = config_from_mapping(section(), source="fleet.json5")
 GOOD = {"route": "far", "next_node": 2, "transmissions": 120, "passed_on": 100, "given_up": 1}
 BOND = {
-    "links": ["radio", "acoustic"], "in_use": "acoustic", "again": 60, "frames_transmitted": 200,
+    "name": "radio+acoustic", "links": ["radio", "acoustic"], "in_use": "acoustic", "again": 60,
+    "frames_transmitted": 200,
     "reach": {"1": {"radio": "down", "acoustic": "up"}, "3": {"radio": "down", "acoustic": "up"}},
 }  # fmt: skip
 

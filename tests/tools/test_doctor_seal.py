@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 
 from tests.gateway.networks import (
@@ -140,7 +141,7 @@ def test_what_a_node_may_not_say_is_not_taken_for_another_key() -> None:
             address=3, name="buoy", refusal=refusal, frames=frames, is_too_many=False, stream=stream
         )
         events.note(notice)
-    health = {"seal": {"fingerprint": "x"}, **events.documents()}
+    health = {"seal": {"fingerprint": "x"}, **msgspec.to_builtins(events.documents())}
     forbidden, unsealed = check_running(config, health, "x")
     assert forbidden.what.endswith("3 buoy: it sends what it may not send: auv1/stop")
     assert "somebody has its key" in forbidden.why

@@ -92,15 +92,15 @@ class PeerReachable(msgspec.Struct, frozen=True, kw_only=True):
 class BondStatus(msgspec.Struct, frozen=True, kw_only=True):
     """What a bond does at present."""
 
-    name: str
+    name: str = ""
     """Name of the bond."""
-    links: tuple[str, ...]
+    links: tuple[str, ...] = ()
     """Its links at this node, the best one first."""
-    in_use: str | None
+    in_use: str | None = None
     """The link whose airtimes hold: the best one that reaches all; None: none is up."""
-    reach: dict[int, dict[str, Reach]]
+    reach: dict[int, dict[str, Reach]] = {}
     """By address and link, whether it reaches the node."""
-    again: int
+    again: int = 0
     """Frames that went again by the next link for lack of an answer."""
 
 

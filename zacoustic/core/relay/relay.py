@@ -97,13 +97,13 @@ class Hop(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the route."""
     next_node: int
     """Address of the node to which it goes."""
-    waiting: int
+    waiting: int = 0
     """Frames that are held for it."""
-    transmissions: int
+    transmissions: int = 0
     """How often a frame was transmitted; below two for each that has arrived on a good hop."""
-    passed_on: int
+    passed_on: int = 0
     """Frames that have arrived there."""
-    given_up: int
+    given_up: int = 0
     """Frames that were given up."""
 
 

@@ -6,8 +6,10 @@ loop.
 """
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Final
+
+import msgspec
 
 from zacoustic.config.lostcontact import LostContactAction
 from zacoustic.core.base.trace import TraceRecord
@@ -15,6 +17,7 @@ from zacoustic.run.inbox import WakeUp
 from zacoustic.run.journal import MemoryJournal
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.pending import CallEnd, Pending
+from zacoustic.status.node import NodeDocument
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
@@ -79,7 +82,7 @@ class Composition:
         zenoh_session: ZenohSession,
         make_dialects: MakeDialects,
         *,
-        about: Mapping[str, object],
+        about: NodeDocument,
         notify: Notify,
         lost_contact: Sequence[LostContactAction] = (),
     ) -> None:
@@ -200,11 +203,10 @@ class Composition:
         lost_contact: LostContactActions,
     ) -> Status:
         runner, dates = self._runner, self._dates
-        started = {"started_at_unix_s": round(dates.unix_s(), 3)}
         journal = self._node.parts.journal
         link = LinkStatus(
             runner,
-            {**self._about, **started},
+            msgspec.structs.replace(self._about, started_at_unix_s=round(dates.unix_s(), 3)),
             has_journal=not (journal is None or isinstance(journal, MemoryJournal)),
             clock=self._clock,
             dates=dates,

@@ -35,6 +35,7 @@ from zacoustic.run.hostclock import HostClock
 from zacoustic.run.journal import Journal, MemoryJournal, SqliteJournal, journal_in
 from zacoustic.run.journal.forgotten import forgotten
 from zacoustic.run.node import LinkNode, OpenRecording, PreparedNode
+from zacoustic.status.node import NodeDocument
 from zacoustic.text.installing import with_extra
 from zacoustic.text.safetext import one_line, without_secrets
 from zacoustic.zenoh.gateway.compose import Composition
@@ -252,16 +253,16 @@ class Gateway:
         links = self.config.links
         return without_secrets(links[0].locator) if links else type(self._parts.link).__name__
 
-    def _about(self) -> dict[str, object]:
+    def _about(self) -> NodeDocument:
         """Return the constant facts for the health report."""
         config = self.config
-        return {
-            "address": config.address,
-            "name": config.name or "",
-            "version": metadata.version("zacoustic"),
-            "wire": config.table.wire.value,
-            "link": self._locator,
-        }
+        return NodeDocument(
+            address=config.address,
+            name=config.name or "",
+            version=metadata.version("zacoustic"),
+            wire=config.table.wire.value,
+            link=self._locator,
+        )
 
     async def _serve_metrics(self, session: GatewaySession) -> None:
         if self._metrics_place is None:

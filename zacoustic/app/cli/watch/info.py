@@ -44,6 +44,7 @@ class InfoCommand(Command):
 
 async def _show(arguments: argparse.Namespace) -> None:
     from zacoustic.app.tools.watch.streaminfo import definition_of, info_text, stream_in
+    from zacoustic.app.tools.watch.views import told
 
     config = read_watch(arguments)
     async with make_watch(arguments) as watch:
@@ -60,7 +61,7 @@ async def _show(arguments: argparse.Namespace) -> None:
         )
     definition = None if config is None else definition_of(config, found[0][1].id)
     if arguments.json:
-        counts = [{"gateway": view.address, "stream": stream} for view, stream in found]
+        counts = [{"gateway": view.address, "stream": told(stream)} for view, stream in found]
         print_json({"definition": definition, "gateways": counts})
     else:
         print_text(info_text(found, definition))

@@ -87,8 +87,10 @@ async def _print_lines(watch: "Watch", arguments: argparse.Namespace) -> None:
 
 
 def _print_json(views: "list[GatewayView]") -> None:
+    from zacoustic.app.tools.watch.views import told
+
     for view in views:
-        print_json(view, flush=True)
+        print_json(told(view), flush=True)
 
 
 async def _draw(watch: "Watch", arguments: argparse.Namespace) -> None:

@@ -2,7 +2,7 @@
 
 import argparse
 import asyncio
-from typing import Any, Final
+from typing import Final
 
 from zacoustic.app.cli.support.printing import print_json, print_text
 from zacoustic.app.cli.watch.topics import add_watch_arguments, chosen, make_watch
@@ -42,9 +42,9 @@ class NodesCommand(Command):
 
 
 async def _list(arguments: argparse.Namespace) -> None:
-    import msgspec
 
     from zacoustic.app.tools.watch.statustext import nodes_text
+    from zacoustic.app.tools.watch.views import told
 
     async with make_watch(arguments) as watch:
         views = chosen(watch, arguments.node)
@@ -53,5 +53,4 @@ async def _list(arguments: argparse.Namespace) -> None:
             print_text(nodes_text(view))
             continue
         for peer in view.peers:
-            row: dict[str, Any] = msgspec.to_builtins(peer)
-            print_json({"gateway": view.address, **row})
+            print_json({"gateway": view.address, **told(peer)})

@@ -2,7 +2,7 @@
 
 import argparse
 import asyncio
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from zacoustic.app.cli.support.arguments import OBJECT_PER_LINE, add_json, add_local_network
 from zacoustic.app.cli.support.printing import print_json, print_text
@@ -90,9 +90,9 @@ def list_streams(arguments: argparse.Namespace, kind: str | None) -> int:
 
 
 async def _list(arguments: argparse.Namespace, kind: str | None) -> None:
-    import msgspec
 
     from zacoustic.app.tools.watch.topicstext import streams_text, topics_text
+    from zacoustic.app.tools.watch.views import told
 
     async with make_watch(arguments) as watch:
         views = chosen(watch, arguments.node)
@@ -102,8 +102,7 @@ async def _list(arguments: argparse.Namespace, kind: str | None) -> None:
             continue
         for stream in view.streams:
             if kind in (None, stream.kind):
-                row: dict[str, Any] = msgspec.to_builtins(stream)
-                print_json({"gateway": view.address, **row})
+                print_json({"gateway": view.address, **told(stream)})
 
 
 def add_watch_arguments(parser: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from collections.abc import AsyncIterator, Callable
 from typing import Final
 
 import msgspec
+from msgspec import UNSET
 
 from zacoustic.app.tools.watch.views import GatewayView, StreamView
 from zacoustic.app.tools.watch.watching import Watch
@@ -110,7 +111,7 @@ class GatewayFollower:
         if not forwarding:
             raise DeliveryError(f"no gateway on this network forwards {name}")
         self._address, self._before = forwarding[0]
-        if self._before.delivering is None:
+        if self._before.delivering is UNSET:
             raise DeliveryError(
                 f"{name} is not reliable: nobody learns whether it has arrived",
                 hint='reliability: "reliable" in its stream',

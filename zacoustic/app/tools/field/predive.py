@@ -7,9 +7,9 @@ record, room on the disk) are known only to a node's own computer: the doctor ex
 
 import asyncio
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 
@@ -22,6 +22,9 @@ from zacoustic.core.peers.sealing import SealRefusal
 from zacoustic.core.schedule.access.spec import AutoSpec, ScheduleSpec, TdmaSpec
 from zacoustic.errors import ConfigError, DeliveryError
 from zacoustic.link.contract import Finding
+from zacoustic.status.node import DroppedDocument
+from zacoustic.status.peers import PeerRow
+from zacoustic.status.table import document_in
 from zacoustic.text.safetext import one_line
 from zacoustic.zenoh.requests.ping import PING, PeerStatus, PingAnswer, PingAsked
 
@@ -193,17 +196,15 @@ def _contact(
     address: int,
     answer: PingAnswer | str | None,
 ) -> Contact:
-    peers = running.health.get("peers")
-    seen = peers.get(str(address)) if isinstance(peers, Mapping) else None
-    known: Mapping[str, Any] = seen if isinstance(seen, Mapping) else {}
+    known = document_in(running.health, "peers", dict[int, PeerRow]).get(address, PeerRow())
     found = answer if isinstance(answer, PingAnswer) else None
     return Contact(
         address=address,
         name=config.nodes.get(address, ""),
         round_trip_s=None if found is None else found.round_trip_s,
         range_m=None if found is None else found.range_m,
-        life=known.get("epoch"),
-        same_table=known.get("same_table"),
+        life=known.epoch,
+        same_table=known.same_table,
         status=None if found is None else found.status,
         error=answer if isinstance(answer, str) else "" if found is not None else "not asked",
     )
@@ -265,9 +266,7 @@ def _guarded(config: Config, address: int) -> _Guarded | None:
 
 
 def _unanswered(config: Config, running: Running, contact: Contact, node: str) -> Finding:
-    dropped = running.health.get("dropped")
-    counts = dropped.get("channel") if isinstance(dropped, Mapping) else None
-    refused: Mapping[str, Any] = counts if isinstance(counts, Mapping) else {}
+    refused = document_in(running.health, "dropped", DroppedDocument).channel
     seen = ""
     if config.security is not None:
         if refused.get(SealRefusal.FORGED.value):

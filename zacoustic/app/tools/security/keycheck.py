@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +20,8 @@ from zacoustic.run.journal.lives import age_of, start_in
 from zacoustic.run.journal.mark import read_mark
 from zacoustic.seal.keyring import Keyring, open_keyring
 from zacoustic.seal.lives import Lives
+from zacoustic.status.node import EventsDocument
+from zacoustic.status.table import document_in
 from zacoustic.text.safetext import one_line
 from zacoustic.zenoh.gateway.notices import FORBIDDEN
 
@@ -166,13 +168,8 @@ def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | 
             why="it transmits nothing",
             cure="zacoustic key check FILE names what is missing",
         )
-    events = health.get("events")
-    told = events.get("events") if isinstance(events, Mapping) else None
-    texts = [
-        str(each.get("text"))
-        for each in (told if isinstance(told, Sequence) else ())
-        if isinstance(each, Mapping) and each.get("event") == "seal"
-    ]
+    events = document_in(health, "events", EventsDocument).events
+    texts = [each.text for each in events if each.event == "seal"]
     for text in dict.fromkeys(_COUNTS.sub("", each) for each in texts):
         if FORBIDDEN in text:
             yield Finding(

@@ -5,60 +5,50 @@ hours: a vehicle has no network time. So a gateway's answers contain its own tim
 computed by its clock.
 """
 
-import re
 import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
-from zacoustic.app.tools.watch.documents import (
-    DOCUMENTS,
-    NAMED_DOCUMENTS,
-    PEER_DOCUMENTS,
-    BondDocument,
-    CarriedRow,
-    CarryDocument,
-    ChannelDocument,
-    DroppedDocument,
-    EventsDocument,
-    FrameRow,
-    JournalDocument,
-    LateDocument,
-    LedgerDocument,
-    LinkDocument,
-    LostDocument,
-    ModemDocument,
-    NodeDocument,
-    ObjectsDocument,
-    PeerRow,
-    RangeDocument,
-    RelayDocument,
-    RouteDocument,
-    StreamRow,
-    StreamsDocument,
-    TransferRow,
-)
 from zacoustic.app.tools.watch.views import (
-    BondView,
     CarriedView,
     CarryView,
     CauseView,
     EventView,
     FrameView,
     GatewayView,
-    HopView,
     LinkView,
     PeerView,
     ReceivedView,
-    RouteView,
     StreamView,
     TransferView,
     WaitsView,
 )
 from zacoustic.app.tools.watch.ways import first_link
+from zacoustic.core.base.linktypes import LinkMetrics
 from zacoustic.core.engine.events import DeliveryOutcome
+from zacoustic.status.channel import ChannelDocument, FrameRow, ObjectsDocument, TransferRow
+from zacoustic.status.link import (
+    BondDocument,
+    CarriedRow,
+    CarryDocument,
+    LedgerDocument,
+    LinkDocument,
+    RelayDocument,
+)
+from zacoustic.status.node import (
+    DroppedDocument,
+    EventsDocument,
+    JournalDocument,
+    ModemDocument,
+    NodeDocument,
+)
+from zacoustic.status.peers import LateDocument, LostDocument, PeerRow, RangeDocument
+from zacoustic.status.streams import StreamRow, StreamsDocument
+from zacoustic.status.table import ADDRESS, NAMED, kind_of
 from zacoustic.zenoh.requests.request import PREFIX
 
 WINDOW_S: Final = 60.0
@@ -72,17 +62,16 @@ _DAMAGED: Final = ("check", "short", "overlong", "stuffing")
 # A higher rate comes from two records of one moment.
 _LEAST_PERIOD_S: Final = 0.001
 
-# Anybody can put a key: a text with other digits than these is no address.
-_ADDRESS: Final = re.compile(r"[0-9]{1,3}")
 
 T = TypeVar("T")
+V = TypeVar("V", bound=msgspec.Struct)
 
 
 def addresses_in(key: str) -> list[int]:
     """Return the address of the gateway whose document has this key; empty: none."""
     prefix, _, rest = key.partition("/")
     address = rest.partition("/")[0]
-    return [int(address)] if prefix == PREFIX and _ADDRESS.fullmatch(address) else []
+    return [int(address)] if prefix == PREFIX and ADDRESS.fullmatch(address) else []
 
 
 class Board:
@@ -110,13 +99,7 @@ class Board:
         chunks = key.split("/")
         if len(chunks) < 3 or not addresses_in(key):
             return
-        kind: Any = None
-        if len(chunks) == 3:
-            kind = DOCUMENTS.get(chunks[2])
-        elif len(chunks) == 4:
-            kind = NAMED_DOCUMENTS.get(chunks[2])
-        elif len(chunks) == 5 and chunks[2] == "peer" and _ADDRESS.fullmatch(chunks[3]):
-            kind = PEER_DOCUMENTS.get(chunks[4])
+        kind = kind_of("/".join(chunks[2:]))
         if kind is None:
             return
         try:
@@ -172,7 +155,7 @@ class _GatewayBoard:
         """Store a document."""
         kind, _, rest = name.partition("/")
         is_new = name not in self._documents
-        if is_new and kind in NAMED_DOCUMENTS and rest and len(self._named(kind)) >= MOST_NAMED:
+        if is_new and kind in NAMED and rest and len(self._named(kind)) >= MOST_NAMED:
             return  # anybody can put keys, and no gateway has so many
         self._documents[name] = document
         if name == "clock":
@@ -188,7 +171,7 @@ class _GatewayBoard:
 
     def _forget_named(self) -> None:
         """Forget links, routes and lists of links, which another file may lack."""
-        for name in ("relay", "carry", *(f"{kind}/{each}" for kind in NAMED_DOCUMENTS
+        for name in ("relay", "carry", *(f"{kind}/{each}" for kind in NAMED
                                 for each in self._named(kind))):  # fmt: skip
             self._documents.pop(name, None)
 
@@ -230,24 +213,25 @@ class _GatewayBoard:
         utilisation, window_s = self._utilisation(link, node, unix_s, there_s)
         links, bonds = self._links(link, there_s), self._bonds()
         capabilities = link.capabilities
-        return GatewayView(
+        return _more(
+            GatewayView,
+            node,
             unix_s=round(unix_s, 3),
             address=self.address,
-            name=node.name,
             is_alive=self._gone_at_s is None,
             gone_s=_ago(self._gone_at_s, unix_s),
-            version=node.version,
             uptime_s=_ago(node.started_at_unix_s, there_s),
-            wire=node.wire,
-            link=node.link,
             link_state=link.state,
             link_detail=link.detail,
             links=links,
-            routes=self._routes(),
-            hops=self._hops(),
+            routes=tuple(
+                msgspec.structs.replace(route, name=name)
+                for name, route in self._named("route").items()
+            ),
+            hops=tuple(self._get("relay", RelayDocument).hops[:MOST_NAMED]),
             bonds=bonds,
             carry=self._carry(there_s),
-            is_silent=link.silent,
+            is_silent=link.is_silent,
             why_silent=link.why_silent,
             mtu_bytes=capabilities.mtu_bytes if capabilities else None,
             bit_rate_bps=capabilities.bit_rate_bps if capabilities else None,
@@ -255,12 +239,11 @@ class _GatewayBoard:
             firmware=modem.firmware,
             journal=journal.failure or ("kept" if journal.kept else "none"),
             journal_doubt=journal.doubt,
-            is_shared=node.shared,
             digest=streams.digest,
-            frames_sent=link.frames_transmitted,
-            frames_heard=link.frames_received,
+            frames_sent=link.frames_sent,
+            frames_heard=link.frames_heard,
             frames_damaged=sum(dropped.channel.get(reason, 0) for reason in _DAMAGED),
-            bytes_sent=link.bytes_transmitted,
+            bytes_sent=link.bytes_sent,
             airtime_s=round(link.airtime_s, 3),
             utilisation=utilisation,
             window_s=round(window_s, 1),
@@ -308,26 +291,18 @@ class _GatewayBoard:
         heard_ago_s = _ago(row.heard_at_unix_s, there_s)
         is_aged = heard_ago_s is not None and row.age_s is not None
         useless = (dropped.expired, dropped.superseded, dropped.unsubscribed)
-        return StreamView(
-            id=row.id,
-            name=row.name,
-            kind=row.kind,
-            jobs=tuple(row.jobs),
-            published=row.published,
-            sent=row.transmitted,
-            heard=row.received,
+        return _more(
+            StreamView,
+            row,
             sent_ago_s=_ago(row.sent_at_unix_s, there_s),
             heard_ago_s=heard_ago_s,
             sent_rate_hz=_rate(row.sent_at_unix_s, row.sent_period_s, there_s),
             heard_rate_hz=_rate(row.heard_at_unix_s, row.heard_period_s, there_s),
             age_s=round((heard_ago_s or 0) + (row.age_s or 0), 3) if is_aged else None,
-            waiting=row.waiting,
-            delivering=row.delivering,
             outcomes=_outcomes(row),
             useless=sum(counts.get(row.name, 0) for counts in useless),
-            expired=dropped.expired.get(row.name, 0) if row.delivering is None else row.expired,
-            refused=row.refused + sum(dropped.local.get(row.name, {}).values()),
-            deadline_missed=row.deadline_missed,
+            expired=dropped.expired.get(row.name, 0) if row.expired is UNSET else row.expired,
+            refused=(row.refused or 0) + sum(dropped.local.get(row.name, {}).values()),
             airtime_bytes=own,
             airtime_share=round(own_s / total_s, 4) if total_s else 0.0,
             differs_at=tuple(each for d in streams.differ if d.id == row.id for each in d.peers),
@@ -338,89 +313,44 @@ class _GatewayBoard:
         waits = link.waits
         if waits is None or self._gone_at_s is not None:
             return None
-        if waits.until_unix_s is None:
-            return WaitsView(why=waits.why, left_s=None)
-        left_s = waits.until_unix_s - there_s
-        if left_s < -_OVERDUE_S:
+        until_s = waits.until_unix_s
+        left_s = None if until_s is None else until_s - there_s
+        if left_s is not None and left_s < -_OVERDUE_S:
             return None
-        return WaitsView(why=waits.why, left_s=round(max(0.0, left_s), 1))
+        return _more(
+            WaitsView, waits, left_s=None if left_s is None else round(max(0.0, left_s), 1)
+        )
 
     def _links(self, only: LinkDocument, there_s: float) -> tuple[LinkView, ...]:
         """Return each of several links, or the only one."""
         named: dict[str, LinkDocument] = self._named("link") or {only.name: only}
         return tuple(
-            LinkView(
+            _more(
+                LinkView,
+                link,
                 name=name,
-                state=link.state,
-                detail=link.detail,
-                frames_sent=link.frames_transmitted,
-                frames_heard=link.frames_received,
                 airtime_s=round(link.airtime_s, 3),
-                paid=link.paid,
                 waits=self._waits(link, there_s),
+                ledger=UNSET,  # the gateway's has all of it
             )
             for name, link in named.items()
-        )
-
-    def _routes(self) -> tuple[RouteView, ...]:
-        named: dict[str, RouteDocument] = self._named("route")
-        return tuple(
-            RouteView(
-                name=name,
-                path=tuple(route.path),
-                link=route.link,
-                link_state=route.link_state,
-                frames_sent=route.frames_transmitted,
-                frames_heard=route.frames_received,
-            )
-            for name, route in named.items()
-        )
-
-    def _hops(self) -> tuple[HopView, ...]:
-        return tuple(
-            HopView(
-                route=hop.route,
-                next_node=hop.next_node,
-                waiting=hop.waiting,
-                transmissions=hop.transmissions,
-                passed_on=hop.passed_on,
-                given_up=hop.given_up,
-            )
-            for hop in self._get("relay", RelayDocument).hops[:MOST_NAMED]
         )
 
     def _carry(self, there_s: float) -> CarryView | None:
         if "carry" not in self._documents:
             return None
         kept = self._get("carry", CarryDocument)
-        return CarryView(
-            own=kept.own,
-            in_custody=kept.in_custody,
-            carried=kept.carried,
-            carried_bytes=kept.carried_bytes,
-            max_bytes=kept.max_bytes,
-            refused=kept.refused,
-            expired=kept.expired,
-            streams=tuple(_carried(row, there_s) for row in kept.streams[:MOST_NAMED]),
-        )
+        rows = tuple(_carried(row, there_s) for row in kept.streams[:MOST_NAMED])
+        return _more(CarryView, kept, streams=rows)
 
-    def _bonds(self) -> tuple[BondView, ...]:
-        named: dict[str, BondDocument] = self._named("bond")
+    def _bonds(self) -> tuple[BondDocument, ...]:
         return tuple(
-            BondView(
-                name=name,
-                links=tuple(bond.links),
-                in_use=bond.in_use,
-                reach=dict(sorted(bond.reach.items())),
-                again=bond.again,
-                frames_sent=bond.frames_transmitted,
-                frames_heard=bond.frames_received,
-            )
-            for name, bond in named.items()
+            msgspec.structs.replace(bond, name=name, reach=dict(sorted(bond.reach.items())))
+            for name, bond in self._named("bond").items()
         )
 
     def _peers(
-        self, links: tuple[LinkView, ...], bonds: tuple[BondView, ...], there_s: float
+        self, links: tuple[LinkView, ...], bonds: tuple[BondDocument, ...], there_s: float
     ) -> tuple[PeerView, ...]:
         rows: dict[int, PeerRow] = self._documents.get("peers", {})
         return tuple(
@@ -430,21 +360,19 @@ class _GatewayBoard:
 
     def _peer(self, address: int, row: PeerRow, link: str | None, there_s: float) -> PeerView:
         measured = self._get(f"peer/{address}/range", RangeDocument)
-        metrics = row.metrics
-        return PeerView(
+        metrics = row.metrics or LinkMetrics()
+        return _more(
+            PeerView,
+            row,
             address=address,
-            name=row.name,
             heard_ago_s=_ago(row.heard_at_unix_s, there_s),
             is_lost=self._get(f"peer/{address}/lost", LostDocument).lost,
-            same_table=row.same_table,
-            is_shared=row.shared,
-            snr_db=metrics.snr_db if metrics else None,
-            received_level_db=metrics.received_level_db if metrics else None,
-            integrity=metrics.integrity if metrics else None,
+            snr_db=metrics.snr_db,
+            received_level_db=metrics.received_level_db,
+            integrity=metrics.integrity,
             range_m=measured.range_m,
             propagation_s=measured.propagation_s,
             range_ago_s=_ago(measured.measured_at_unix_s, there_s),
-            per=row.per,
             exchanges=row.delivered + row.not_delivered,
             late=tuple(self._get(f"peer/{address}/late", LateDocument).late),
             link=link,
@@ -476,42 +404,29 @@ class _GatewayBoard:
 
     def _events(self, there_s: float) -> tuple[EventView, ...]:
         return tuple(
-            EventView(
-                ago_s=_ago(row.at_unix_s, there_s) or 0.0,
-                event=row.event,
-                is_trouble=row.trouble,
-                text=row.text,
-            )
+            _more(EventView, row, ago_s=_ago(row.at_unix_s, there_s) or 0.0)
             for row in reversed(self._get("events", EventsDocument).events)
         )
 
 
 def _frame(row: FrameRow, there_s: float) -> FrameView:
-    return FrameView(
-        ago_s=_ago(row.begun_unix_s, there_s) or 0.0,
-        way=row.way,
-        peer=row.peer,
-        size_bytes=row.bytes,
-        airtime_s=round(row.airtime_s, 3),
-        streams=tuple(row.streams),
-        outcome=row.outcome,
-    )
+    ago_s = _ago(row.begun_unix_s, there_s) or 0.0
+    return _more(FrameView, row, ago_s=ago_s, airtime_s=round(row.airtime_s, 3))
 
 
 def _carried(row: CarriedRow, there_s: float) -> CarriedView:
     ends_at_s = row.ends_at_unix_s
-    return CarriedView(
-        stream=row.stream,
-        own=row.own,
-        custodians=row.custodians,
-        carried=row.carried,
-        carried_bytes=row.carried_bytes,
+    return _more(
+        CarriedView,
+        row,
         oldest_s=_ago(row.oldest_at_unix_s, there_s),
         ends_in_s=None if ends_at_s is None else round(max(ends_at_s - there_s, 0.0), 3),
     )
 
 
-def _link_to(address: int, links: tuple[LinkView, ...], bonds: tuple[BondView, ...]) -> str | None:
+def _link_to(
+    address: int, links: tuple[LinkView, ...], bonds: tuple[BondDocument, ...]
+) -> str | None:
     """Return the link by which the first list of links that knows reaches a node."""
     found = (first_link(bond, address, links)[0] for bond in bonds)
     return next((each for each in found if each is not None), None)
@@ -521,28 +436,35 @@ def _received(row: PeerRow) -> tuple[ReceivedView, ...] | None:
     if row.received is None:
         return None
     return tuple(
-        ReceivedView(link=link, frames=each.frames, airtime_s=each.airtime_s)
-        for link, each in sorted(row.received.items())
+        _more(ReceivedView, each, link=link) for link, each in sorted(row.received.items())
     )
 
 
 def _outcomes(row: StreamRow) -> dict[str, int]:
-    if row.delivering is None:
+    if row.delivering is UNSET:
         return {}
-    return {outcome.value: getattr(row, outcome.value) for outcome in DeliveryOutcome}
+    return {outcome.value: getattr(row, outcome.value) or 0 for outcome in DeliveryOutcome}
 
 
 def _transfer(row: TransferRow) -> TransferView:
-    comes = row.source is not None
-    return TransferView(
+    return _more(
+        TransferView,
+        row,
         stream=row.stream or "",
-        direction="from" if comes else "to",
-        peer=row.source if comes else row.to,
-        done_bytes=row.done_bytes,
-        sent_bytes=None if comes else row.sent_bytes,
-        total_bytes=row.total_bytes,
-        outcome=row.outcome,
+        direction="to" if row.source is UNSET else "from",
+        peer=_known(row.to if row.source is UNSET else row.source),
+        sent_bytes=_known(row.sent_bytes),
+        outcome=_known(row.outcome),
     )
+
+
+def _known(figure: T | UnsetType | None) -> T | None:
+    return None if figure is UNSET else figure
+
+
+def _more(kind: type[V], row: msgspec.Struct, **added: object) -> V:
+    """Return a view of a document: its members, and those that are added."""
+    return kind(**{**msgspec.structs.asdict(row), **added})
 
 
 def _ago(at_unix_s: float | None, now_s: float) -> float | None:

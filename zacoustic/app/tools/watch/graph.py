@@ -11,9 +11,11 @@ from typing import Final
 
 import msgspec
 
-from zacoustic.app.tools.watch.views import GatewayView, HopView, PeerView
+from zacoustic.app.tools.watch.views import GatewayView, PeerView
 from zacoustic.app.tools.watch.ways import cost_of, first_link, is_poor
 from zacoustic.app.tools.watch.words import OLD_S
+from zacoustic.core.bond.reach import Reach
+from zacoustic.core.relay.relay import Hop
 
 WIDTH: Final = 1000
 """Width of the drawing, in its own units."""
@@ -23,7 +25,7 @@ CROWD: Final = 10
 """Names in a drawing of more nodes are shorter."""
 _MARGIN: Final = 90.0
 _LEAST_LINE: Final = 3
-_STATES: Final = ("down", "doubt", "up")
+_STATES: Final = (Reach.DOWN, Reach.DOUBT, Reach.UP)
 
 
 class Node(msgspec.Struct, frozen=True, kw_only=True):
@@ -79,7 +81,7 @@ class Leg(msgspec.Struct, frozen=True, kw_only=True):
 
     ends: tuple[int, int]
     """The two nodes, in the order of the path."""
-    hops: tuple[tuple[int, HopView], ...]
+    hops: tuple[tuple[int, Hop], ...]
     """Sender and counters of each direction, as far as they are known."""
 
 
@@ -92,7 +94,7 @@ class Path(msgspec.Struct, frozen=True, kw_only=True):
     """Its path; empty: no end has told it."""
     legs: tuple[Leg, ...]
     """Its hops, as far as they are known."""
-    worst: tuple[int, HopView] | None
+    worst: tuple[int, Hop] | None
     """Sender and counters of the hop with most transmissions for each frame; None: unknown."""
 
     @property
@@ -222,7 +224,7 @@ def _ways(rows: Sequence[tuple[GatewayView, PeerView]]) -> tuple[Way, ...]:
     """Return the links between two nodes, from what both say."""
     frames: dict[str, int] = {}
     shares: dict[str, float | None] = {}
-    reach: dict[str, list[str]] = {}
+    reach: dict[str, list[Reach]] = {}
     used: set[str] = set()
     for view, peer in rows:
         for each in peer.received or ():
@@ -254,9 +256,8 @@ def _share(airtime_s: float | None, uptime_s: float | None) -> float | None:
     return min(airtime_s / uptime_s, 1.0)
 
 
-def _worst_of(states: Sequence[str]) -> str:
-    known = [_STATES.index(state) for state in states if state in _STATES]
-    return _STATES[min(known)] if known else ""
+def _worst_of(states: Sequence[Reach]) -> str:
+    return min(states, key=_STATES.index).value if states else ""
 
 
 # Routes
@@ -264,7 +265,7 @@ def _worst_of(states: Sequence[str]) -> str:
 
 def _paths(views: Sequence[GatewayView]) -> tuple[Path, ...]:
     nodes: dict[str, tuple[int, ...]] = {}
-    hops: dict[str, list[tuple[int, HopView]]] = {}
+    hops: dict[str, list[tuple[int, Hop]]] = {}
     for view in views:
         for route in view.routes:
             nodes.setdefault(route.name, route.path)
@@ -275,7 +276,7 @@ def _paths(views: Sequence[GatewayView]) -> tuple[Path, ...]:
     )
 
 
-def _path(name: str, nodes: tuple[int, ...], hops: Sequence[tuple[int, HopView]]) -> Path:
+def _path(name: str, nodes: tuple[int, ...], hops: Sequence[tuple[int, Hop]]) -> Path:
     pairs = list(itertools.pairwise(nodes))
     known = set(pairs) | {(end, start) for start, end in pairs}
     for sender, hop in hops:

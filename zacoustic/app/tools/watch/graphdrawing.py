@@ -16,9 +16,9 @@ from zacoustic.app.tools.watch.graph import (
     is_old,
     rise_past,
 )
-from zacoustic.app.tools.watch.views import HopView
 from zacoustic.app.tools.watch.ways import cost_of, path_words
 from zacoustic.app.tools.watch.words import share_words, time_words
+from zacoustic.core.relay.relay import Hop
 from zacoustic.text.safetext import html_text, one_line
 
 CAPTION: Final = (
@@ -127,7 +127,7 @@ def route_words(path: Path) -> str:
     return f"route {path.name}: {nodes}, {worst}"
 
 
-def _hop_words(sender: int, hop: HopView) -> str:
+def _hop_words(sender: int, hop: Hop) -> str:
     return (
         f"{sender}→{hop.next_node}: {cost_of(hop):.1f} transmissions for each frame, "
         f"{hop.given_up} given up"

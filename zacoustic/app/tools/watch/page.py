@@ -6,6 +6,7 @@ NiceGUI includes everything that the browser needs: the page works without inter
 from collections.abc import Sequence
 from typing import Any, Final
 
+from msgspec import UNSET
 from nicegui import ui
 
 from zacoustic.app.tools.pages.webpage import Banner
@@ -291,7 +292,7 @@ def link_rows(view: GatewayView) -> list[dict[str, Any]]:
             "sent": link.frames_sent,
             "heard": link.frames_heard,
             "airtime": f"{link.airtime_s:.1f} s"
-            + ("" if link.paid is None else f", {link.paid:.2f} paid"),
+            + ("" if link.paid is UNSET else f", {link.paid:.2f} paid"),
         }
         for link in view.links
     ]

@@ -18,7 +18,7 @@ from rich.table import Table
 from rich.text import Text
 
 from zacoustic.app.tools.watch.crowd import gateways_in_short, peers_in_short, streams_in_short
-from zacoustic.app.tools.watch.views import GatewayView, HopView, PeerView, RouteView, StreamView
+from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
 from zacoustic.app.tools.watch.ways import (
     by_words,
     carried_words,
@@ -55,6 +55,8 @@ from zacoustic.app.tools.watch.words import (
     trouble_words,
     waits_words,
 )
+from zacoustic.core.relay.relay import Hop
+from zacoustic.status.link import RouteDocument
 from zacoustic.text.safetext import one_line
 
 EVENTS_SHOWN: Final = 6
@@ -213,7 +215,7 @@ def _links(view: GatewayView) -> Table:
 
 
 def _routes(
-    routes: Sequence[tuple[str, RouteView | None, HopView | None]], *, is_narrow: bool = False
+    routes: Sequence[tuple[str, RouteDocument | None, Hop | None]], *, is_narrow: bool = False
 ) -> Table:
     """Draw routes; the frames are those of the ends, and a narrow table lacks them."""
     table = _table("route", "path", "link", right=() if is_narrow else ("sent", "heard"))

@@ -1,29 +1,34 @@
-"""Views of a gateway for people: records with ages, rates and shares of one moment.
+"""Views of a gateway for people: its documents, with what depends on the moment.
 
-Ages are seconds before that moment, None: never. The same records are drawn on a terminal and on a
-page, and are the lines of `zacoustic monitor --json`.
+A view of a subject has the members of its document (`zacoustic.status`) and adds ages, rates and
+shares of one moment, and what other documents say of it. Ages are seconds before that moment, None:
+never. The same records are drawn on a terminal and on a page, and are the lines of
+`zacoustic monitor --json`: there every member has the name that it has here.
 """
 
+from typing import Any
+
 import msgspec
+from msgspec import UNSET
+
+from zacoustic.core.relay.relay import Hop
+from zacoustic.status.channel import FrameRow, TransferRow
+from zacoustic.status.link import (
+    BondDocument,
+    CarriedRow,
+    CarryDocument,
+    LinkDocument,
+    RouteDocument,
+    WaitsDocument,
+)
+from zacoustic.status.node import EventRow, NodeDocument
+from zacoustic.status.peers import PeerFigures, ReceivedRow
+from zacoustic.status.streams import StreamRow
 
 
-class StreamView(msgspec.Struct, frozen=True, kw_only=True):
-    """One stream."""
+class StreamView(StreamRow, frozen=True, kw_only=True):
+    """One stream. `age_s`, `expired` and `refused` are those of now and of the whole gateway."""
 
-    id: int
-    """Stream id."""
-    name: str
-    """Name."""
-    kind: str
-    """``topic``, ``service`` or ``action``."""
-    jobs: tuple[str, ...]
-    """The gateway's roles in it."""
-    published: int
-    """Local inputs that the gateway accepted."""
-    sent: int
-    """Records transmitted."""
-    heard: int
-    """Received records."""
     sent_ago_s: float | None
     """Time since the last transmission, s."""
     heard_ago_s: float | None
@@ -32,12 +37,6 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     """Present rate, 1/s; None: less than two so far."""
     heard_rate_hz: float | None
     """Present rate, 1/s; None: less than two so far."""
-    age_s: float | None
-    """Age of the newest received sample, s; None: none, or without an age."""
-    waiting: int
-    """Samples, calls and goals that wait for transmission."""
-    delivering: int | None
-    """Reliable samples under way; None: it is not reliable."""
     outcomes: dict[str, int]
     """Number of reliable samples by outcome; empty: it is not reliable."""
     useless: int
@@ -45,9 +44,8 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     expired: int
     """Samples of those that expired before transmission, or did not arrive in time."""
     refused: int
-    """Inputs that the gateway refused: too large, not of the type, no room."""
-    deadline_missed: int | None
-    """Number of missed deadlines; None: it has no deadline."""
+    """Inputs that the gateway refused, too large, not of the type, no room, and samples that a
+    subscriber refused."""
     airtime_bytes: int
     """Bytes on the link since the gateway runs."""
     airtime_share: float
@@ -56,155 +54,52 @@ class StreamView(msgspec.Struct, frozen=True, kw_only=True):
     """Nodes that define it otherwise: it is stopped between them."""
 
 
-class WaitsView(msgspec.Struct, frozen=True, kw_only=True):
+class WaitsView(WaitsDocument, frozen=True, kw_only=True):
     """Why the next frame of a link waits."""
 
-    why: str
-    """One word, as in docs/monitoring.md."""
     left_s: float | None
     """Time until it goes if nothing else happens, s; None: something must happen first."""
 
 
-class LinkView(msgspec.Struct, frozen=True, kw_only=True):
+class LinkView(LinkDocument, frozen=True, kw_only=True):
     """A link of the gateway."""
 
-    name: str
-    """Its name; empty: the file gives it none."""
-    state: str
-    """``up``, ``down`` or ``opening``."""
-    detail: str
-    """What it waits for."""
-    frames_sent: int
-    """Frames given to its modem."""
-    frames_heard: int
-    """Received frames, including damaged ones."""
-    airtime_s: float
-    """Airtime of the frames sent, s."""
-    paid: float | None = None
-    """What they cost, in the currency of the tariff; None: it has none."""
     waits: WaitsView | None = None
-    """Why its next frame waits; None: nothing waits."""
+    """Why its next frame waits; None: nothing waits, or the gateway is gone."""
 
 
-class RouteView(msgspec.Struct, frozen=True, kw_only=True):
-    """A route that ends at this node."""
-
-    name: str
-    """Its name."""
-    path: tuple[int, ...]
-    """Addresses from one end to the other."""
-    link: str
-    """Name of the link of its hops."""
-    link_state: str
-    """State of that link here: ``up``, ``down`` or ``opening``."""
-    frames_sent: int
-    """Frames that this end has sent over it."""
-    frames_heard: int
-    """Frames that came over it."""
-
-
-class HopView(msgspec.Struct, frozen=True, kw_only=True):
-    """A hop of a route from this node."""
-
-    route: str
-    """Name of the route."""
-    next_node: int
-    """Address of the node to which it goes."""
-    waiting: int
-    """Frames that are held for it."""
-    transmissions: int
-    """How often a frame was transmitted."""
-    passed_on: int
-    """Frames that have arrived there."""
-    given_up: int
-    """Frames that were given up."""
-
-
-class CarriedView(msgspec.Struct, frozen=True, kw_only=True):
+class CarriedView(CarriedRow, frozen=True, kw_only=True):
     """What this node keeps of one carried topic."""
 
-    stream: str
-    """Its name."""
-    own: dict[int, int]
-    """By subscriber, how many samples of this node it is not known to have."""
-    custodians: dict[int, int]
-    """By custodian, how many of these it has as well."""
-    carried: dict[int, int]
-    """By subscriber, how many samples of other nodes are kept for it."""
-    carried_bytes: int
-    """Their size, bytes."""
     oldest_s: float | None
     """Time since the first of all was published or taken here, s; None: unknown."""
     ends_in_s: float | None
     """Time until the first of all is worthless, s; None: unknown."""
 
 
-class CarryView(msgspec.Struct, frozen=True, kw_only=True):
+class CarryView(CarryDocument, frozen=True, kw_only=True):
     """What this node keeps of carried topics until its subscribers have it."""
 
-    own: int
-    """Its own samples."""
-    in_custody: int
-    """How many of these a custodian has as well."""
-    carried: int
-    """Samples of other nodes."""
-    carried_bytes: int
-    """Their size, bytes."""
-    max_bytes: int
-    """How large they may be together, bytes."""
-    refused: int
-    """Samples of other nodes that there was no room for."""
-    expired: int
-    """Samples of other nodes that have become worthless here."""
     streams: tuple[CarriedView, ...]
     """The same by topic, of those of which something is kept."""
 
 
-class BondView(msgspec.Struct, frozen=True, kw_only=True):
-    """A list of links that is used as one."""
-
-    name: str
-    """Its name."""
-    links: tuple[str, ...]
-    """Its links at this node, the best one first."""
-    in_use: str | None
-    """The best link that reaches all nodes, else the last one that is up; None: none is up."""
-    reach: dict[int, dict[str, str]]
-    """``up``, ``doubt`` or ``down``, by node and link."""
-    again: int
-    """Frames that went again by the next link."""
-    frames_sent: int
-    """Frames that were given to it."""
-    frames_heard: int
-    """Frames that came by it."""
-
-
-class ReceivedView(msgspec.Struct, frozen=True, kw_only=True):
+class ReceivedView(ReceivedRow, frozen=True, kw_only=True):
     """What came from a node by one link, directly, since the gateway runs."""
 
     link: str
     """Name of the link."""
-    frames: int
-    """Frames."""
-    airtime_s: float | None
-    """Their airtime, s; None: unknown."""
 
 
-class PeerView(msgspec.Struct, frozen=True, kw_only=True):
+class PeerView(PeerFigures, frozen=True, kw_only=True):
     """Another node, as this one receives it."""
 
     address: int
     """Acoustic address."""
-    name: str
-    """Name in the table."""
     heard_ago_s: float | None
     """Time since its last frame, s."""
     is_lost: bool
     """Not heard for the file's `lost_after_s`."""
-    same_table: bool | None
-    """It has our stream table; None: unknown."""
-    is_shared: bool = False
-    """Two nodes have its address."""
     snr_db: float | None
     """Signal-to-noise ratio of the last reception, dB."""
     received_level_db: float | None
@@ -217,8 +112,6 @@ class PeerView(msgspec.Struct, frozen=True, kw_only=True):
     """Propagation delay, one way, s."""
     range_ago_s: float | None
     """Age of that measurement, s."""
-    per: float | None
-    """Share of frames without an acknowledgement of its modem, of the last ones, 0…1."""
     exchanges: int
     """Frames that its modem was asked to acknowledge."""
     late: tuple[str, ...]
@@ -242,89 +135,59 @@ class CauseView(msgspec.Struct, frozen=True, kw_only=True):
     """Share of the gateway's airtime, 0…1."""
 
 
-class TransferView(msgspec.Struct, frozen=True, kw_only=True):
-    """A sample larger than a frame."""
+class TransferView(TransferRow, frozen=True, kw_only=True):
+    """A sample larger than a frame; `stream` is empty until its beginning has arrived."""
 
     stream: str
-    """Name; empty: its beginning has not arrived."""
+    """Name of its stream."""
     direction: str
     """``to`` or ``from``."""
     peer: int | None
     """The other node; None: several."""
-    done_bytes: int
-    """Bytes that the receivers have, as far as known."""
     sent_bytes: int | None
-    """Bytes transmitted, repair included; None: it is an incoming one."""
-    total_bytes: int | None
-    """Its size; None: unknown yet."""
+    """Transmitted bytes, without repair; None: it is an incoming one."""
     outcome: str | None
     """Its outcome; None: it is under way."""
 
 
-class FrameView(msgspec.Struct, frozen=True, kw_only=True):
+class FrameView(FrameRow, kw_only=True):
     """A frame."""
 
     ago_s: float
     """Time since its beginning, s."""
-    way: str
-    """``out`` or ``in``."""
-    peer: int | None
-    """The other node; None: broadcast, or unknown."""
-    size_bytes: int
-    """Its size."""
-    airtime_s: float
-    """Airtime, s."""
-    streams: tuple[str, ...]
-    """Streams with a record in it; none: only controls."""
-    outcome: str
-    """Report of the modem on a sent one; empty: none yet, or it was received."""
 
 
-class EventView(msgspec.Struct, frozen=True, kw_only=True):
+class EventView(EventRow, frozen=True, kw_only=True):
     """An event."""
 
     ago_s: float
     """Its age, s."""
-    event: str
-    """Its kind."""
-    is_trouble: bool
-    """Somebody should look at it."""
-    text: str
-    """One line for people."""
 
 
-class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
+class GatewayView(NodeDocument, frozen=True, kw_only=True):
     """One gateway, at one moment."""
 
     unix_s: float
     """The moment."""
     address: int
     """Acoustic address."""
-    name: str
-    """Name in the table."""
     is_alive: bool
     """It runs, its network is reached, and it answers."""
     gone_s: float | None
     """Time for which it has not, s; None: it does."""
-    version: str
-    """Version of its program."""
     uptime_s: float | None
     """Time since its start, s."""
-    wire: str
-    """Wire profile."""
-    link: str
-    """Locator of the modem."""
     link_state: str
     """``up``, ``down`` or ``opening``."""
     link_detail: str
     """What it waits for."""
     links: tuple[LinkView, ...]
     """Each of its links, by name."""
-    routes: tuple[RouteView, ...]
+    routes: tuple[RouteDocument, ...]
     """Routes that end here, by name."""
-    hops: tuple[HopView, ...]
+    hops: tuple[Hop, ...]
     """Hops of routes from here."""
-    bonds: tuple[BondView, ...]
+    bonds: tuple[BondDocument, ...]
     """Lists of links, by name."""
     carry: CarryView | None = None
     """Its carried samples; None: no topic is carried."""
@@ -342,8 +205,6 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """Firmware of the modem."""
     journal: str
     """``kept``, ``none``, or why it cannot be written."""
-    is_shared: bool = False
-    """Another node has its address too."""
     journal_doubt: str
     """Why it may lack the last writes; empty: it does not."""
     digest: str
@@ -382,3 +243,14 @@ class GatewayView(msgspec.Struct, frozen=True, kw_only=True):
     """Dropped receptions, by reason."""
     events: tuple[EventView, ...]
     """The last events, the newest first."""
+
+
+def told(part: Any) -> Any:  # noqa: ANN401 (what JSON holds)
+    """Return a view as JSON holds it: each member by its name here, null where it is unset."""
+    if isinstance(part, msgspec.Struct):
+        return {name: told(getattr(part, name)) for name in part.__struct_fields__}
+    if isinstance(part, dict):
+        return {str(name): told(each) for name, each in part.items()}
+    if isinstance(part, (list, tuple)):
+        return [told(each) for each in part]
+    return None if part is UNSET else msgspec.to_builtins(part)

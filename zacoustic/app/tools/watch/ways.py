@@ -6,16 +6,16 @@ from typing import Final
 import msgspec
 
 from zacoustic.app.tools.watch.views import (
-    BondView,
     CarriedView,
     CarryView,
     GatewayView,
-    HopView,
     LinkView,
-    RouteView,
 )
 from zacoustic.app.tools.watch.words import NOTHING, size_words, time_words
+from zacoustic.core.bond.reach import Reach
+from zacoustic.core.relay.relay import Hop
 from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
+from zacoustic.status.link import BondDocument, RouteDocument
 
 POOR_HOP: Final = 3
 """A hop with more transmissions than this for each frame that arrives is poor."""
@@ -38,24 +38,24 @@ class Reached(msgspec.Struct, frozen=True):
     """Addresses, in order."""
 
 
-def cost_of(hop: HopView) -> float:
+def cost_of(hop: Hop) -> float:
     """Return the transmissions of a hop for each frame that has arrived."""
     return hop.transmissions / max(1, hop.passed_on)
 
 
-def worst_hop(hops: Iterable[HopView]) -> HopView | None:
+def worst_hop(hops: Iterable[Hop]) -> Hop | None:
     """Return the hop with most transmissions for each frame; None: nothing was transmitted."""
     used = [hop for hop in hops if hop.transmissions]
     return max(used, key=lambda hop: (cost_of(hop), hop.given_up), default=None)
 
 
-def is_poor(hop: HopView) -> bool:
+def is_poor(hop: Hop) -> bool:
     """Tell whether a hop costs much or loses frames, as the doctor judges it."""
     is_known = hop.transmissions >= UNHEARD_FRAMES
     return is_known and (cost_of(hop) > POOR_HOP or hop.given_up > hop.passed_on / 10)
 
 
-def hop_words(hop: HopView | None) -> str:
+def hop_words(hop: Hop | None) -> str:
     """Return what a hop costs: ``→ 3: 1.4 a frame, 2 given up``."""
     if hop is None:
         return NOTHING
@@ -70,7 +70,7 @@ def path_words(path: Sequence[int]) -> str:
     return f"{path[0]}–{path[1]}–…–{path[-1]}, {len(path) - 1} hops"
 
 
-def routes_of(view: GatewayView) -> list[tuple[str, RouteView | None, HopView | None]]:
+def routes_of(view: GatewayView) -> list[tuple[str, RouteDocument | None, Hop | None]]:
     """Return each route over a node: name, its end if it ends there, and the worst hop there."""
     ends = {route.name: route for route in view.routes}
     names = sorted({*ends, *(hop.route for hop in view.hops)})
@@ -125,7 +125,7 @@ def reached_of(view: GatewayView) -> list[Reached]:
 
 
 def first_link(
-    bond: BondView, address: int, links: Sequence[LinkView] = ()
+    bond: BondDocument, address: int, links: Sequence[LinkView] = ()
 ) -> tuple[str | None, bool]:
     """Return the first link of a list that reaches a node, and whether it is in doubt.
 
@@ -136,14 +136,14 @@ def first_link(
     """
     down = {link.name for link in links if link.state != "up"}
     reach = bond.reach.get(address, {})
-    for state in ("up", "doubt"):
+    for state in (Reach.UP, Reach.DOUBT):
         for link in bond.links:
-            if reach.get(link) == state and link not in down:
-                return link, state == "doubt"
+            if reach.get(link) is state and link not in down:
+                return link, state is Reach.DOUBT
     return None, False
 
 
-def _reached_by(bond: BondView, links: Sequence[LinkView]) -> list[Reached]:
+def _reached_by(bond: BondDocument, links: Sequence[LinkView]) -> list[Reached]:
     groups: dict[tuple[str | None, bool], list[int]] = {}
     for address in sorted(bond.reach):
         groups.setdefault(first_link(bond, address, links), []).append(address)

@@ -8,42 +8,52 @@ import msgspec
 from zacoustic.core.transport.carry.custody import Held
 
 
-class CarriedStream(msgspec.Struct, frozen=True, kw_only=True):
-    """What a node keeps of one carried topic."""
+class CarriedSums(msgspec.Struct, frozen=True, kw_only=True):
+    """How much a node keeps of one carried topic."""
+
+    own: dict[int, int] = {}
+    """By subscriber, how many samples of this node it is not known to have."""
+    custodians: dict[int, int] = {}
+    """By custodian, how many of these it has as well."""
+    carried: dict[int, int] = {}
+    """By subscriber, how many samples of other nodes are kept for it."""
+    carried_bytes: int = 0
+    """Their size, bytes."""
+
+
+class CarriedStream(CarriedSums, frozen=True, kw_only=True):
+    """The same with the topic and its instants."""
 
     stream_id: int
     """The topic."""
-    own: dict[int, int]
-    """By subscriber, how many samples of this node it is not known to have."""
-    custodians: dict[int, int]
-    """By custodian, how many of these it has as well."""
-    carried: dict[int, int]
-    """By subscriber, how many samples of other nodes are kept for it."""
-    carried_bytes: int
-    """Their size, bytes."""
     oldest_at: int | None
     """When the first of all was published or taken here, ns; None: unknown until the link is up."""
     ends_at: int | None
     """When the first of all is worthless, ns; None: unknown until the link is up."""
 
 
-class CarryStatus(msgspec.Struct, frozen=True, kw_only=True):
-    """What a node keeps for the next hop."""
+class CarrySums(msgspec.Struct, frozen=True, kw_only=True):
+    """How much a node keeps for the next hop, of all topics."""
 
-    own: int
+    own: int = 0
     """Samples of this node that some subscriber lacks."""
-    in_custody: int
+    in_custody: int = 0
     """How many of these a custodian has as well."""
-    carried: int
+    carried: int = 0
     """Samples of other nodes."""
-    carried_bytes: int
+    carried_bytes: int = 0
     """Their size, bytes."""
-    max_bytes: int
+    max_bytes: int = 0
     """How large they may be together, bytes."""
-    refused: int
+    refused: int = 0
     """Samples of other nodes that there was no room for, since the start."""
-    expired: int
+    expired: int = 0
     """Samples of other nodes that have become worthless here, since the start."""
+
+
+class CarryStatus(CarrySums, frozen=True, kw_only=True):
+    """The same with what is kept of each topic."""
+
     streams: tuple[CarriedStream, ...]
     """The same by topic, of those of which something is kept."""
 

@@ -10,35 +10,16 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
-import msgspec
-
 from zacoustic.core.base.clock import ns_to_seconds
 from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, Service
 from zacoustic.core.base.trace import TraceRecord
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.streams.table import StreamTable
+from zacoustic.status.channel import ChannelDocument, FrameRow
 
 KEPT: Final = 16
 """Number of past frames in the document."""
 _BURSTS_KEPT: Final = 64
-
-
-class Frame(msgspec.Struct, kw_only=True):
-    """One frame, in the document's form."""
-
-    way: str
-    """``out`` or ``in``."""
-    peer: int | None
-    """The other node; null: everybody, or unknown."""
-    bytes: int
-    streams: list[str]
-    """Names, each once; empty: the link's own frame, such as an acknowledgement."""
-    begun_unix_s: float
-    """When the modem got it, or, if received, when it began to arrive."""
-    airtime_s: float
-    """By the bit rate of its link; of a received frame of a list of links, of the one in use."""
-    outcome: str = ""
-    """Reported outcome of a sent frame: a word of `TransmitOutcome`."""
 
 
 class FrameLog:
@@ -62,9 +43,9 @@ class FrameLog:
         self._inside: deque[tuple[str, tuple[int, ...]]] = deque(maxlen=KEPT)
         """Frames that routes and bonds have given to links, and their streams."""
         self._unix_s = unix_s
-        self._transmitting: dict[tuple[str, Service], deque[Frame]] = {}
+        self._transmitting: dict[tuple[str, Service], deque[FrameRow]] = {}
         """By link and service, oldest first: a device may have several frames of burst data."""
-        self._last: deque[Frame] = deque(maxlen=KEPT)
+        self._last: deque[FrameRow] = deque(maxlen=KEPT)
 
     def note(self, record: TraceRecord) -> None:
         """Take a record of the engine's trace."""
@@ -98,18 +79,18 @@ class FrameLog:
         """Return the document, by the end of its key; the past is oldest first."""
         under_way = [each[0] for each in self._transmitting.values() if each]
         newest = max(under_way, key=lambda each: each.begun_unix_s, default=None)
-        return {"channel": {"transmitting": newest, "last": list(self._last)}}
+        return {"channel": ChannelDocument(transmitting=newest, last=list(self._last))}
 
-    def _frame(self, way: str, peer: int | None, record: TraceRecord) -> Frame:
+    def _frame(self, way: str, peer: int | None, record: TraceRecord) -> FrameRow:
         inside = next((ids for frame, ids in self._inside if frame in record.frame), ())
         found = (self._table.get(each) for each in dict.fromkeys(record.streams or inside))
         capabilities = self._engine().capabilities_of(record.link)
         size, service = record.size_bytes, record.service
         airtime_ns = 0 if capabilities is None else capabilities.airtime_ns(size, service)
-        return Frame(
+        return FrameRow(
             way=way,
             peer=peer,
-            bytes=record.size_bytes,
+            size_bytes=size,
             streams=[stream.name for stream in found if stream is not None],
             begun_unix_s=self._unix_s(),
             airtime_s=ns_to_seconds(airtime_ns),

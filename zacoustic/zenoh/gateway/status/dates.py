@@ -57,14 +57,16 @@ class Dates:
         """Return a document with its dates by the current wall clock."""
         if not self._set_by_ns:
             return document
-        return self._moved(msgspec.to_builtins(document))
+        return self._moved("", document)
 
-    def _moved(self, part: Any) -> Any:  # noqa: ANN401 (of a document)
+    def _moved(self, name: str, part: Any) -> Any:  # noqa: ANN401 (of a document)
+        if isinstance(part, float) and name.endswith(_SUFFIX):
+            return round(part + self._set_by_ns / NS_PER_S, 3)
+        if isinstance(part, msgspec.Struct):
+            members = {each: getattr(part, each) for each in part.__struct_fields__}
+            return msgspec.structs.replace(part, **self._moved("", members))
         if isinstance(part, dict):
-            return {
-                name: round(each + self._set_by_ns / NS_PER_S, 3)
-                if isinstance(each, float) and str(name).endswith(_SUFFIX)
-                else self._moved(each)
-                for name, each in part.items()
-            }
-        return [self._moved(each) for each in part] if isinstance(part, list) else part
+            return {each: self._moved(str(each), value) for each, value in part.items()}
+        if isinstance(part, (list, tuple)):
+            return type(part)(self._moved("", each) for each in part)
+        return part

@@ -37,6 +37,7 @@ import msgspec
 
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.values.encoding import JSON
+from zacoustic.status.node import ClockDocument
 from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.gateway.status.report import Report
 from zacoustic.zenoh.requests.request import PREFIX
@@ -145,11 +146,13 @@ class Health:
     def _clock_document(self) -> dict[str, bytes]:
         """Return the document by which a client compares the wall clocks."""
         self._dates.look()
-        now = {"now_unix_s": self._dates.now_unix_s()}
+        now = ClockDocument(now_unix_s=self._dates.now_unix_s())
         return {f"{self._prefix}/clock": msgspec.json.encode(now)}
 
     def _encoded(self) -> dict[str, bytes]:
         return {
-            f"{self._prefix}/{name}": msgspec.json.encode(document, order="deterministic")
+            f"{self._prefix}/{name}": msgspec.json.encode(
+                msgspec.to_builtins(document, str_keys=True, order="sorted")
+            )
             for name, document in self._report.documents().items()
         }

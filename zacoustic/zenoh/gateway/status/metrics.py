@@ -8,29 +8,37 @@ the labels.
 
 import asyncio
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent import futures
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final, TypeAlias
 
 import msgspec
+from msgspec import UNSET, UnsetType
 from prometheus_client import CollectorRegistry, make_asgi_app
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, InfoMetricFamily, Metric
 from prometheus_client.registry import Collector
 
 from zacoustic.core.base.clock import Clock, seconds_to_ns
+from zacoustic.core.base.linktypes import LinkMetrics
+from zacoustic.core.bond.reach import Reach
 from zacoustic.core.engine.events import DeliveryOutcome
+from zacoustic.core.relay.relay import Hop
 from zacoustic.link.serving import cannot_listen, place_name
 from zacoustic.run.inbox import tell_loop
 from zacoustic.run.web.front import Front
+from zacoustic.status.link import LinkDocument
+from zacoustic.status.node import DroppedDocument, ModemDocument, NodeDocument
+from zacoustic.status.peers import PeerRow, RangeDocument
+from zacoustic.status.streams import StreamRow
 
-if TYPE_CHECKING:
-    Documents = Mapping[str, Any]
+Documents: TypeAlias = Mapping[str, Any]
+Family: TypeAlias = GaugeMetricFamily | CounterMetricFamily
 
 ANSWER_LIMIT_S: Final = 5.0
 """How long a scrape waits for the loop, s."""
 FRESH_NS: Final = seconds_to_ns(1.0)
 """Age up to which an answer is given again: no visitor keeps the loop busy."""
-_REACHES: Final = {"up": 1.0, "doubt": 0.5, "down": 0.0}
+_REACHES: Final = {Reach.UP: 1.0, Reach.DOUBT: 0.5, Reach.DOWN: 0.0}
 _OUTCOMES: Final = tuple(outcome.value for outcome in DeliveryOutcome)
 
 
@@ -104,7 +112,7 @@ class _HealthCollector(Collector):
 
         def ask() -> None:
             try:
-                answer.set_result(msgspec.to_builtins(self._documents(), str_keys=True))
+                answer.set_result(self._documents())
             except Exception as error:  # handed on to the waiting caller, which logs it
                 answer.set_exception(error)
 
@@ -112,112 +120,109 @@ class _HealthCollector(Collector):
         return list(metrics_of(answer.result(ANSWER_LIMIT_S)))
 
 
-def metrics_of(documents: "Documents") -> Iterator[Metric]:
+def metrics_of(documents: Documents) -> Iterator[Metric]:
     """Return the documents of a health report as metrics.
 
     Args:
-        documents: By the end of their keys, of plain objects.
+        documents: By the end of their keys.
     """
     yield from _node(documents["node"], documents["link"])
     yield from _links(documents)
-    yield from _streams(documents["streams"]["streams"], documents["dropped"])
+    yield from _streams(documents["streams"].streams, documents["dropped"])
     yield from _peers(documents)
     yield _reachable(documents)
-    yield from _hops(documents.get("relay", {}).get("hops", ()))
+    yield from _hops(documents["relay"].hops if "relay" in documents else ())
     yield from _rest(documents)
 
 
-def _node(node: "Documents", link: "Documents") -> Iterator[Metric]:
-    about = {name: str(node[name]) for name in ("address", "name", "version", "wire", "link")}
-    yield InfoMetricFamily("zacoustic_gateway", "What the gateway is.", about)
-    yield _gauge("start_time_seconds", "When it was started, Unix time.", node["started_at_unix_s"])
-    yield _gauge("silent", "1 while nothing is transmitted, by order or quiet.", link["silent"])
+def _node(node: NodeDocument, link: LinkDocument) -> Iterator[Metric]:
+    about = ("address", "name", "version", "wire", "link")
+    facts = {each: str(getattr(node, each)) for each in about}
+    yield InfoMetricFamily("zacoustic_gateway", "What the gateway is.", facts)
+    started_at = _gauges("start_time_seconds", "When it was started, Unix time.")
+    _add(started_at, [], node.started_at_unix_s)
+    yield started_at
+    yield _gauge("silent", "1 while nothing is transmitted, by order or quiet.", link.is_silent)
 
 
-def _links(documents: "Documents") -> Iterator[Metric]:
+def _links(documents: Documents) -> Iterator[Metric]:
     """Return the metrics of each link, with its name as label."""
-    several = [each for key, each in documents.items() if key.startswith("link/")]
-    links = several or [documents["link"] | {"ledger": documents["ledger"]}]
+    several: list[LinkDocument] = [
+        each for key, each in documents.items() if key.startswith("link/")
+    ]
+    links = several or [msgspec.structs.replace(documents["link"], ledger=documents["ledger"])]
     up = _gauges("link_up", "1 while frames can be given to the modem.", "link")
     supply = _gauges("modem_supply_volts", "Supply voltage reported by the modem.", "link")
-    counters = {
-        "frames_transmitted": _counter("frames_transmitted", "Frames given to the modem.", "link"),
-        "frames_received": _counter(
-            "frames_received", "Frames that came, damaged ones included.", "link"
-        ),
-        "bytes_transmitted": _counter("transmitted_bytes", "Bytes given to the modem.", "link"),
-        "bytes_received": _counter("received_bytes", "Bytes that came.", "link"),
-        "airtime_s": _counter("airtime_seconds", "Airtime of what was transmitted.", "link"),
-    }
+    counters = [
+        (_counter(name, words, "link"), figure)
+        for figure, name, words in (
+            ("frames_sent", "frames_transmitted", "Frames given to the modem."),
+            ("frames_heard", "frames_received", "Frames that came, damaged ones included."),
+            ("bytes_sent", "transmitted_bytes", "Bytes given to the modem."),
+            ("bytes_heard", "received_bytes", "Bytes that came."),
+            ("airtime_s", "airtime_seconds", "Airtime of what was transmitted."),
+        )
+    ]
     reports = _counter("transmit_reports", "Transmissions by how they ended.", "link", "outcome")
     by_cause = _counter(
         "ledger_bytes", "Bytes transmitted, by stream and cause.", "link", "stream", "cause"
     )
     for link in links:
-        name = link["name"]
-        up.add_metric([name], link["state"] == "up")
-        for field, counter in counters.items():
-            counter.add_metric([name], link[field])
-        for outcome, count in link["reports"].items():
+        name = link.name
+        up.add_metric([name], link.state == "up")
+        for counter, figure in counters:
+            counter.add_metric([name], getattr(link, figure))
+        for outcome, count in link.reports.items():
             reports.add_metric([name, outcome], count)
-        for entry in link["ledger"]["entries"]:
-            by_cause.add_metric([name, entry["stream"], entry["cause"]], entry["bytes"])
-        modem = documents.get(f"modem/{name}" if several else "modem", {})
-        if modem.get("battery_v") is not None:
-            supply.add_metric([name], modem["battery_v"])
-    yield from (up, *counters.values(), reports, by_cause, supply)
+        for entry in link.ledger.entries if link.ledger else ():
+            by_cause.add_metric([name, entry.stream, entry.cause], entry.bytes)
+        modem = documents.get(f"modem/{name}" if several else "modem", ModemDocument())
+        _add(supply, [name], modem.battery_v)
+    yield from (up, *(counter for counter, _ in counters), reports, by_cause, supply)
 
 
-def _streams(rows: list["Documents"], dropped: "Documents") -> Iterator[Metric]:
-    published = _counter(
-        "stream_published", "What the local network gave, and was taken.", "stream"
-    )
-    transmitted = _counter("stream_transmitted_records", "Records transmitted.", "stream")
-    received = _counter("stream_received_records", "Records that came.", "stream")
-    waiting = _gauges("stream_waiting", "What waits for the channel.", "stream")
-    delivering = _gauges("stream_delivering", "Reliable samples that have not ended.", "stream")
+def _streams(rows: Iterable[StreamRow], dropped: DroppedDocument) -> Iterator[Metric]:
+    families = [
+        (make(name, words, "stream"), figure)
+        for make, figure, name, words in (
+            (_counter, "published", "stream_published",
+             "What the local network gave, and was taken."),
+            (_counter, "sent", "stream_transmitted_records", "Records transmitted."),
+            (_counter, "heard", "stream_received_records", "Records that came."),
+            (_gauges, "waiting", "stream_waiting", "What waits for the channel."),
+            (_gauges, "delivering", "stream_delivering", "Reliable samples that have not ended."),
+            (_counter, "deadline_missed", "stream_deadlines_missed", "Periods without a sample."),
+            (_gauges, "sent_at_unix_s", "stream_last_transmitted_timestamp_seconds",
+             "When last, Unix time."),
+            (_gauges, "heard_at_unix_s", "stream_last_received_timestamp_seconds",
+             "When last, Unix time."),
+        )
+    ]  # fmt: skip
     ended = _counter(
         "stream_deliveries", "Reliable samples by how they ended.", "stream", "outcome"
     )
-    missed = _counter("stream_deadlines_missed", "Periods without a sample.", "stream")
-    sent_at = _gauges(
-        "stream_last_transmitted_timestamp_seconds", "When last, Unix time.", "stream"
-    )
-    heard_at = _gauges("stream_last_received_timestamp_seconds", "When last, Unix time.", "stream")
     for row in rows:
-        labels = [row["name"]]
-        published.add_metric(labels, row["published"])
-        transmitted.add_metric(labels, row["transmitted"])
-        received.add_metric(labels, row["received"])
-        waiting.add_metric(labels, row["waiting"])
-        for family, value in (
-            (delivering, row.get("delivering")),
-            (missed, row.get("deadline_missed")),
-            (sent_at, row["sent_at_unix_s"]),
-            (heard_at, row["heard_at_unix_s"]),
-        ):
-            if value is not None:
-                family.add_metric(labels, value)
+        for family, figure in families:
+            _add(family, [row.name], getattr(row, figure))
         for outcome in _OUTCOMES:
-            if outcome in row:
-                ended.add_metric([row["name"], outcome], row[outcome])
-    yield from (published, transmitted, received, waiting, delivering, ended, missed)
-    yield from (sent_at, heard_at)
+            _add(ended, [row.name, outcome], getattr(row, outcome))
+    yield from (family for family, _ in families)
+    yield ended
     discarded = _counter("stream_discarded", "Samples of no use any more.", "stream", "reason")
     for reason in ("expired", "superseded", "unsubscribed"):
-        for name, count in dropped[reason].items():
+        for name, count in getattr(dropped, reason).items():
             discarded.add_metric([name, reason], count)
     yield discarded
     refused = _counter(
         "local_discarded", "What the local network gave in vain.", "stream", "reason"
     )
-    for name, counts in dropped["local"].items():
+    for name, counts in dropped.local.items():
         for reason, count in counts.items():
             refused.add_metric([name, reason], count)
     yield refused
 
 
-def _peers(documents: "Documents") -> Iterator[Metric]:
+def _peers(documents: Documents) -> Iterator[Metric]:
     heard_at = _gauges("peer_last_heard_timestamp_seconds", "When last, Unix time.", "peer")
     exchanges = _counter(
         "peer_exchanges", "Frames that its modem was to confirm.", "peer", "outcome"
@@ -232,76 +237,80 @@ def _peers(documents: "Documents") -> Iterator[Metric]:
     snr = _gauges("peer_snr_decibels", "Signal-to-noise ratio.", "peer")
     level = _gauges("peer_received_level_decibels", "By the modem's own reference.", "peer")
     integrity = _gauges("peer_signal_integrity", "In the modem's own scale.", "peer")
-    for address, row in documents["peers"].items():
-        metrics = row["metrics"] or {}
-        measured = documents.get(f"peer/{address}/range", {})
-        for outcome in ("delivered", "not_delivered"):
-            exchanges.add_metric([address, outcome], row[outcome])
+    rows: Mapping[int, PeerRow] = documents["peers"]
+    for address, row in rows.items():
+        peer, metrics = str(address), row.metrics or LinkMetrics()
+        measured = documents.get(f"peer/{address}/range", RangeDocument())
+        exchanges.add_metric([peer, "delivered"], row.delivered)
+        exchanges.add_metric([peer, "not_delivered"], row.not_delivered)
+        sighting = documents.get(f"peer/{address}/lost")
         for family, value in (
-            (heard_at, row["heard_at_unix_s"]),
-            (errors, row["per"]),
-            (same, row["same_table"]),
-            (lost, documents.get(f"peer/{address}/lost", {}).get("lost")),
-            (ranges, measured.get("range_m")),
-            (delays, measured.get("propagation_s")),
-            (snr, metrics.get("snr_db")),
-            (level, metrics.get("received_level_db")),
-            (integrity, metrics.get("integrity")),
+            (heard_at, row.heard_at_unix_s),
+            (errors, row.per),
+            (same, row.same_table),
+            (lost, None if sighting is None else sighting.lost),
+            (ranges, measured.range_m),
+            (delays, measured.propagation_s),
+            (snr, metrics.snr_db),
+            (level, metrics.received_level_db),
+            (integrity, metrics.integrity),
         ):
-            if value is not None:
-                family.add_metric([address], value)
+            _add(family, [peer], value)
     yield from (heard_at, exchanges, errors, same, lost, ranges, delays, snr, level, integrity)
 
 
-def _reachable(documents: "Documents") -> Metric:
+def _reachable(documents: Documents) -> Metric:
     """Return which link reaches which node; of several lists of links the one that is surest."""
     found: dict[tuple[str, str], float] = {}
     for key, bond in documents.items():
         if not key.startswith("bond/"):
             continue
-        for address, by_link in bond["reach"].items():
+        for address, by_link in bond.reach.items():
             for link, reach in by_link.items():
-                known = found.get((address, link), 0.0)
-                found[address, link] = max(known, _REACHES.get(reach, 0.0))
+                known = found.get((str(address), link), 0.0)
+                found[str(address), link] = max(known, _REACHES[reach])
     reachable = _gauges(
         "peer_link_reachable", "1 if a link of a list reaches it, 0.5 in doubt.", "peer", "link"
     )
-    for (address, link), value in found.items():
-        reachable.add_metric([address, link], value)
+    for labels, value in found.items():
+        reachable.add_metric(labels, value)
     return reachable
 
 
-def _hops(hops: Iterable["Documents"]) -> Iterator[Metric]:
-    counters = {
-        "transmissions": _counter(
-            "relay_hop_transmissions", "Transmissions over a hop.", "route", "next_node"
-        ),
-        "passed_on": _counter(
-            "relay_hop_passed_on", "Frames that have arrived behind a hop.", "route", "next_node"
-        ),
-        "given_up": _counter(
-            "relay_hop_given_up", "Frames that a hop has given up.", "route", "next_node"
-        ),
-    }
+def _hops(hops: Iterable[Hop]) -> Iterator[Metric]:
+    counters = [
+        (_counter(f"relay_hop_{figure}", words, "route", "next_node"), figure)
+        for figure, words in (
+            ("transmissions", "Transmissions over a hop."),
+            ("passed_on", "Frames that have arrived behind a hop."),
+            ("given_up", "Frames that a hop has given up."),
+        )
+    ]
     for hop in hops:
-        for field, counter in counters.items():
-            counter.add_metric([hop["route"], str(hop["next_node"])], hop[field])
-    yield from counters.values()
+        for counter, figure in counters:
+            counter.add_metric([hop.route, str(hop.next_node)], getattr(hop, figure))
+    yield from (counter for counter, _ in counters)
 
 
-def _rest(documents: "Documents") -> Iterator[Metric]:
+def _rest(documents: Documents) -> Iterator[Metric]:
     dropped = _counter("dropped", "What came off the channel and was of no use.", "reason")
-    for reason, count in documents["dropped"]["channel"].items():
+    for reason, count in documents["dropped"].channel.items():
         dropped.add_metric([reason], count)
     yield dropped
     objects = _gauges("objects", "Samples larger than a frame, on their way.", "direction")
     for direction in ("sending", "receiving"):
-        objects.add_metric([direction], len(documents["objects"][direction]))
+        objects.add_metric([direction], len(getattr(documents["objects"], direction)))
     yield objects
     journal = documents["journal"]
-    yield _gauge("journal_kept", "1 if anything survives a restart.", journal["kept"])
-    yield _gauge("journal_doubted", "1 if it may miss what was written.", bool(journal["doubt"]))
-    yield _gauge("journal_failing", "1 while it cannot be written.", bool(journal["failure"]))
+    yield _gauge("journal_kept", "1 if anything survives a restart.", journal.kept)
+    yield _gauge("journal_doubted", "1 if it may miss what was written.", bool(journal.doubt))
+    yield _gauge("journal_failing", "1 while it cannot be written.", bool(journal.failure))
+
+
+def _add(family: Family, labels: Sequence[str], value: float | UnsetType | None) -> None:
+    """Add a figure, unless it is unknown or the subject has none."""
+    if value is not None and value is not UNSET:
+        family.add_metric(labels, value)
 
 
 def _gauge(name: str, words: str, value: float) -> GaugeMetricFamily:

@@ -22,6 +22,14 @@ import msgspec
 from zacoustic.core.base.clock import Clock, ns_to_seconds
 from zacoustic.core.engine.engine import Engine
 from zacoustic.run.runner import LinkRunner
+from zacoustic.status.node import ModemDocument
+from zacoustic.status.peers import (
+    DirectionDocument,
+    LateDocument,
+    LostDocument,
+    PositionDocument,
+    RangeDocument,
+)
 
 
 class PeerStatus:
@@ -51,25 +59,26 @@ class PeerStatus:
         known = engine.measurements
         found: dict[str, object] = {}
         for address in known.addresses():
-            for name, each in (
-                ("range", known.range(address)),
-                ("position", known.position(address)),
-                ("direction", known.direction(address)),
+            kind: type[msgspec.Struct]
+            for name, kind, each in (
+                ("range", RangeDocument, known.range(address)),
+                ("position", PositionDocument, known.position(address)),
+                ("direction", DirectionDocument, known.direction(address)),
             ):
                 if each is not None:
                     key = f"peer/{address}/{name}"
                     fields = msgspec.structs.asdict(each)
                     del fields["address"]
-                    at = fields.pop("measured_at")
-                    found[key] = fields | {"measured_at_unix_s": self._date(key, at)}
+                    at = self._date(key, fields.pop("measured_at"))
+                    found[key] = kind(**fields, measured_at_unix_s=at)
         for address, sighting in engine.contact.sightings().items():
             key = f"peer/{address}/lost"
             heard_at = sighting.heard_at if sighting.is_lost else None
-            found[key] = {
-                "lost": sighting.is_lost,
-                "since_unix_s": self._date(f"{key}/since", sighting.since),
-                "heard_at_unix_s": heard_at and self._date(f"{key}/heard", heard_at),
-            }
+            found[key] = LostDocument(
+                lost=sighting.is_lost,
+                since_unix_s=self._date(f"{key}/since", sighting.since),
+                heard_at_unix_s=heard_at and self._date(f"{key}/heard", heard_at),
+            )
         found |= self._late(engine)
         return found | self._modems(engine)
 
@@ -81,8 +90,8 @@ class PeerStatus:
             if read is None:
                 continue
             fields = msgspec.structs.asdict(read)
-            at = fields.pop("read_at")
-            document = fields | {"read_at_unix_s": self._date(f"modem/{link}", at)}
+            at = self._date(f"modem/{link}", fields.pop("read_at"))
+            document = ModemDocument(**fields, read_at_unix_s=at)
             found.setdefault("modem", document)
             if len(engine.links) > 1:
                 found[f"modem/{link}"] = document
@@ -94,10 +103,10 @@ class PeerStatus:
         awaited = [each for each in engine.deadlines.awaited() if each.source != engine.address]
         for address in sorted({each.source for each in awaited}):
             keys = [each for each in awaited if each.source == address]
-            found[f"peer/{address}/late"] = {
-                "late": [each.key for each in keys if each.is_late],
-                "missed": {each.key: each.missed for each in keys},
-            }
+            found[f"peer/{address}/late"] = LateDocument(
+                late=[each.key for each in keys if each.is_late],
+                missed={each.key: each.missed for each in keys},
+            )
         return found
 
     def _date(self, key: str, at: int) -> float:

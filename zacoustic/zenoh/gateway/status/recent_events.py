@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Final
 
+from zacoustic.status.node import EventRow, EventsDocument
 from zacoustic.text.safetext import one_line
 from zacoustic.zenoh.gateway.notices import Notice, Notify
 
@@ -30,8 +31,8 @@ class RecentEvents:
 
     def __init__(self, unix_s: Callable[[], float] = time.time) -> None:
         self._unix_s = unix_s
-        self._events: deque[dict[str, object]] = deque()
-        self._troubles: deque[dict[str, object]] = deque(maxlen=TROUBLES_KEPT)
+        self._events: deque[EventRow] = deque()
+        self._troubles: deque[EventRow] = deque(maxlen=TROUBLES_KEPT)
 
     def note(self, notice: Notice) -> None:
         """Keep a notice."""
@@ -44,18 +45,18 @@ class RecentEvents:
 
     def documents(self) -> dict[str, object]:
         """Return the document, by the end of its key; oldest first."""
-        return {"events": {"events": [*self._troubles, *self._events]}}
+        return {"events": EventsDocument(events=[*self._troubles, *self._events])}
 
     def _keep(self, event: str, text: str, *, is_trouble: bool) -> None:
         self._events.append(
-            {
-                "at_unix_s": round(self._unix_s(), 3),
-                "event": event,
-                "trouble": is_trouble,
-                "text": text[:_LONGEST_TEXT],
-            }
+            EventRow(
+                at_unix_s=round(self._unix_s(), 3),
+                event=event,
+                is_trouble=is_trouble,
+                text=text[:_LONGEST_TEXT],
+            )
         )
-        if len(self._events) > EVENTS_KEPT and (oldest := self._events.popleft())["trouble"]:
+        if len(self._events) > EVENTS_KEPT and (oldest := self._events.popleft()).is_trouble:
             self._troubles.append(oldest)
 
 

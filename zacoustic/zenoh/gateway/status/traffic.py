@@ -10,7 +10,7 @@ The memory is bounded by 255 stream ids and 255 addresses.
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
 from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, Service, TransmitOutcome
 from zacoustic.core.base.trace import TraceRecord
@@ -113,8 +113,8 @@ class Traffic:
         """
         return dict(self._received.get(address, {}))
 
-    def of_stream(self, stream_id: int) -> dict[str, float | None]:
-        """Return the facts of a stream, for its row in the document."""
+    def of_stream(self, stream_id: int) -> dict[str, Any]:
+        """Return the facts of a stream, members of its `StreamRow`."""
         sent = self._sent.get(stream_id) or Pulse()
         heard = self._heard.get(stream_id) or Pulse()
         return {
@@ -125,8 +125,8 @@ class Traffic:
             "age_s": _milli(self._ages_s.get(stream_id)),
         }
 
-    def of_peer(self, address: int) -> dict[str, float | None]:
-        """Return the outcomes of frames to a node, for its row in the document."""
+    def of_peer(self, address: int) -> dict[str, Any]:
+        """Return the outcomes of frames to a node, members of its `PeerRow`."""
         exchanges = self._exchanges.get(address) or Exchanges()
         return {
             "delivered": exchanges.delivered,

@@ -14,6 +14,8 @@ from zacoustic.config import Config
 from zacoustic.errors import SessionError
 from zacoustic.link.contract import Finding
 from zacoustic.ros.tokens import PREFIX as ROS_PREFIX
+from zacoustic.status.node import NodeDocument
+from zacoustic.status.table import document_in
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession, endpoints_of, mode_of
@@ -44,9 +46,8 @@ class Running(msgspec.Struct, kw_only=True):
     @property
     def locator(self) -> str:
         """Locator of that gateway's link; empty: none runs, or its link has no locator."""
-        node = self.health.get("node")
-        found = node.get("link", "") if isinstance(node, dict) else ""
-        return found if isinstance(found, str) and "/" in found else ""
+        found = document_in(self.health, "node", NodeDocument).link
+        return found if "/" in found else ""
 
 
 async def look(config: Config, connect: Sequence[str]) -> tuple[Running, list[Finding]]:

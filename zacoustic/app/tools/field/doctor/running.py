@@ -4,10 +4,16 @@ from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
 from zacoustic.app.tools.field.doctor.network import Running
-from zacoustic.app.tools.watch.ways import POOR_HOP
+from zacoustic.app.tools.watch.ways import is_poor, worst_hop
 from zacoustic.config import Config
+from zacoustic.core.bond.reach import Reach
 from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 from zacoustic.link.contract import Finding
+from zacoustic.status.link import BondDocument, LinkDocument, RelayDocument
+from zacoustic.status.node import DroppedDocument, JournalDocument
+from zacoustic.status.peers import PeerRow
+from zacoustic.status.streams import StreamsDocument
+from zacoustic.status.table import document_in
 
 _LEAST_AGAIN: Final = 10
 _AGAIN_SHARE: Final = 0.1
@@ -20,25 +26,23 @@ _LEAST_OWN: Final = 2
 def judge(config: Config, running: Running) -> Iterator[Finding]:
     """Find faults in the documents of this node's gateway."""
     health = running.health
-    link = _part(health, "link")
-    if link.get("state") not in (None, "up"):
+    link = document_in(health, "link", LinkDocument)
+    if link.state not in ("unknown", "up"):
         yield Finding(
-            what=f"the link of the running gateway is {link['state']}: {link.get('detail', '')}",
+            what=f"the link of the running gateway is {link.state}: {link.detail}",
             why="nothing crosses while it is",
             cure="the text names the cause; the gateway continues by itself when it is gone",
         )
-    sent, heard = link.get("frames_transmitted"), link.get("frames_received")
-    if heard == 0 and isinstance(sent, int) and sent >= UNHEARD_FRAMES:
+    if link.frames_heard == 0 and link.frames_sent >= UNHEARD_FRAMES:
         yield Finding(
-            what=f"the running gateway has sent {sent} frames and heard none",
+            what=f"the running gateway has sent {link.frames_sent} frames and heard none",
             why="either nobody else is there, or this node is deaf, or nobody hears it",
             cure="see that another gateway runs on the same channel, that both transducers are in "
             "it, and that both links have the same settings",
         )
-    why_silent = link.get("why_silent")
-    if why_silent:
+    if link.why_silent:
         yield Finding(
-            what=f"the running gateway transmits nothing: {why_silent}",
+            what=f"the running gateway transmits nothing: {link.why_silent}",
             why="nothing of this node is heard while that holds",
             cure="zacoustic resume ends a commanded silence; a clock is set by chrony or NTP "
             "client, and the gateway notices it by itself",
@@ -47,31 +51,30 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
     yield from _shared(config, health)
     yield from _tables(config, running)
     yield from _routes(health)
-    for key, bond in health.items():
-        if key.startswith("bond/") and isinstance(bond, Mapping):
-            yield from _bond(key.removeprefix("bond/"), bond, health)
+    for key in health:
+        if key.startswith("bond/"):
+            yield from _bond(key.removeprefix("bond/"), health)
     for key, contact in health.items():
         if key.startswith("contact/") and isinstance(contact, Mapping):
             yield from _lost_contact(key.removeprefix("contact/"), contact)
-    doubt = _part(health, "journal").get("doubt")
-    if doubt:
+    journal = document_in(health, "journal", JournalDocument)
+    if journal.doubt:
         yield Finding(
-            what=f"the journal of the running gateway is in doubt: {doubt}",
+            what=f"the journal of the running gateway is in doubt: {journal.doubt}",
             why="it may have forgotten what it accepted and executed before its restart",
             cure="look at the disk; put copies back only if zacoustic journal backup made them",
         )
-    failure = _part(health, "journal").get("failure")
-    if failure:
+    if journal.failure:
         yield Finding(
-            what=f"the journal of the running gateway cannot be written: {failure}",
+            what=f"the journal of the running gateway cannot be written: {journal.failure}",
             why="what is to survive a restart is refused: reliable topics with journal, calls",
             cure="make room on its disk, or give it a folder that can be written",
         )
 
 
 def _clash(config: Config, health: Mapping[str, Any]) -> Iterator[Finding]:
-    own = _part(_part(health, "dropped"), "channel").get("own", 0)
-    if isinstance(own, int) and own >= _LEAST_OWN:
+    own = document_in(health, "dropped", DroppedDocument).channel.get("own", 0)
+    if own >= _LEAST_OWN:
         yield Finding(
             what=f"address clash: {own} frames came with the address of node {config.address}, "
             "which is this one",
@@ -82,9 +85,9 @@ def _clash(config: Config, health: Mapping[str, Any]) -> Iterator[Finding]:
 
 
 def _shared(config: Config, health: Mapping[str, Any]) -> Iterator[Finding]:
-    peers = _part(health, "peers")
-    for address in sorted(peers, key=str):
-        if address != str(config.address) and _part(peers, address).get("shared") is True:
+    peers = document_in(health, "peers", dict[int, PeerRow])
+    for address, peer in sorted(peers.items()):
+        if address != config.address and peer.is_shared:
             yield Finding(
                 what=f"address clash: two nodes have address {address}, their boot epochs take "
                 "turns",
@@ -104,18 +107,14 @@ def _tables(config: Config, running: Running) -> Iterator[Finding]:
             why="this file does not apply yet, and the other end may use it already",
             cure="restart the gateway with this file, or examine the file that it runs with",
         )
-    peers = _part(running.health, "peers")
-    mismatched = [
-        address
-        for address, peer in peers.items()
-        if isinstance(peer, Mapping) and peer.get("same_table") is False
-    ]
+    peers = document_in(running.health, "peers", dict[int, PeerRow])
+    mismatched = [str(each) for each in sorted(peers) if peers[each].same_table is False]
     if not mismatched:
         return
-    differ = _part(running.health, "streams").get("differ") or ()
-    names = ", ".join(str(each.get("name")) for each in differ if isinstance(each, Mapping))
+    differ = document_in(running.health, "streams", StreamsDocument).differ
+    names = ", ".join(each.name for each in differ)
     yield Finding(
-        what=f"table mismatch: node {', '.join(sorted(mismatched))} has another stream table"
+        what=f"table mismatch: node {', '.join(mismatched)} has another stream table"
         + (f"; streams that differ: {names}" if names else ""),
         why="streams that differ are stopped, all dense ones with them, and every frame says its "
         "table anew",
@@ -125,19 +124,20 @@ def _tables(config: Config, running: Running) -> Iterator[Finding]:
 
 def _routes(health: Mapping[str, Any]) -> Iterator[Finding]:
     """Name the worst hop of the routes over this node, and a route that others have otherwise."""
-    hops = [each for each in _part(health, "relay").get("hops", ()) if _is_poor(each)]
-    if hops:
-        worst = max(hops, key=lambda each: each["transmissions"] / max(1, each.get("passed_on", 0)))
+    worst = worst_hop(
+        each for each in document_in(health, "relay", RelayDocument).hops if is_poor(each)
+    )
+    if worst is not None:
         yield Finding(
-            what=f"route {worst.get('route')}: {worst['transmissions']} transmissions to node "
-            f"{worst.get('next_node')} for {worst.get('passed_on')} frames that arrived there, "
-            f"{worst.get('given_up')} given up",
+            what=f"route {worst.route}: {worst.transmissions} transmissions to node "
+            f"{worst.next_node} for {worst.passed_on} frames that arrived there, "
+            f"{worst.given_up} given up",
             why="what goes over this hop comes late or not at all, and takes the channel of others",
             cure="bring the two nodes nearer to each other, or put another relay between them; "
             "see that the gateway there runs and has the same routes",
         )
-    strange = _part(_part(health, "dropped"), "channel").get("relay_route", 0)
-    if isinstance(strange, int) and strange >= _LEAST_STRANGE:
+    strange = document_in(health, "dropped", DroppedDocument).channel.get("relay_route", 0)
+    if strange >= _LEAST_STRANGE:
         yield Finding(
             what=f"{strange} frames came of a route that this node's file lacks or has otherwise",
             why="a relay that has another path transmits nothing of it",
@@ -159,26 +159,22 @@ def _lost_contact(name: str, contact: Mapping[str, Any]) -> Iterator[Finding]:
     )
 
 
-def _bond(name: str, bond: Mapping[str, Any], health: Mapping[str, Any]) -> Iterator[Finding]:
+def _bond(name: str, health: Mapping[str, Any]) -> Iterator[Finding]:
     """Name a list of links without any that is up, or with a better link that reaches nobody."""
-    links = [each for each in _items(bond, "links") if isinstance(each, str)]
-    # `in_use` is null while no link is up; another version may lack it.
-    if links and bond.get("in_use", "") is None:
+    bond = document_in(health, f"bond/{name}", BondDocument)
+    if bond.links and bond.in_use is None:
         yield Finding(
-            what=f"list of links {name}: none of {', '.join(links)} is up",
+            what=f"list of links {name}: none of {', '.join(bond.links)} is up",
             why="nothing of its streams crosses while that holds",
             cure="link/NAME of the health report says what each of them waits for",
         )
         return
-    reach = [each for each in _part(bond, "reach").values() if isinstance(each, Mapping)]
-    again, sent = bond.get("again"), bond.get("frames_transmitted")
-    if not (isinstance(again, int) and isinstance(sent, int) and reach):
+    reach, again, sent = bond.reach.values(), bond.again, bond.frames_sent
+    if not reach or sent < UNHEARD_FRAMES or again < max(_LEAST_AGAIN, sent * _AGAIN_SHARE):
         return
-    if sent < UNHEARD_FRAMES or again < max(_LEAST_AGAIN, sent * _AGAIN_SHARE):
-        return
-    for link in links[:-1]:
-        state = _part(health, f"link/{link}").get("state", "up")
-        if state == "up" and all(each.get(link) == "down" for each in reach):
+    for link in bond.links[:-1]:
+        state = document_in(health, f"link/{link}", LinkDocument).state
+        if state in ("unknown", "up") and all(each.get(link) is Reach.DOWN for each in reach):
             yield Finding(
                 what=f"list of links {name}: {link} reaches none of {len(reach)} nodes, and "
                 f"{again} of {sent} frames went again by the next link",
@@ -187,24 +183,3 @@ def _bond(name: str, bond: Mapping[str, Any], health: Mapping[str, Any]) -> Iter
                 cure=f"see that {link} has the same settings at all nodes and hears their answers; "
                 "if it is only out of range, nothing is wrong",
             )
-
-
-def _is_poor(hop: object) -> bool:
-    if not isinstance(hop, Mapping):
-        return False
-    transmissions, passed_on, given_up = (
-        value if isinstance(value := hop.get(key), int) else 0
-        for key in ("transmissions", "passed_on", "given_up")
-    )
-    is_known = transmissions >= UNHEARD_FRAMES
-    return is_known and (transmissions > POOR_HOP * passed_on or given_up > passed_on / 10)
-
-
-def _items(document: Mapping[str, Any], name: str) -> list[Any]:
-    items = document.get(name)
-    return items if isinstance(items, list) else []
-
-
-def _part(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    part = document.get(name, {})
-    return part if isinstance(part, Mapping) else {}

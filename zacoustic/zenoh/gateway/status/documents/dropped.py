@@ -3,6 +3,7 @@
 from collections import Counter
 
 from zacoustic.run.runner import LinkRunner
+from zacoustic.status.node import DroppedDocument
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.streams.intake import Intake
 from zacoustic.zenoh.session.asking.queries import QueryHandler
@@ -41,13 +42,13 @@ class Dropped:
         """Return the document, by the end of its key."""
         engine = self._runner.engine
         return {
-            "dropped": {
-                "channel": engine.stats.dropped,
-                "local": self._of_local_input(),
-                "expired": self._by_name(engine.expired),
-                "superseded": self._by_name(self._superseded()),
-                "unsubscribed": self._by_name(engine.stats.unsubscribed),
-            }
+            "dropped": DroppedDocument(
+                channel=dict(engine.stats.dropped),
+                local=self._of_local_input(),
+                expired=self._by_name(engine.expired),
+                superseded=self._by_name(self._superseded()),
+                unsubscribed=self._by_name(engine.stats.unsubscribed),
+            )
         }
 
     def _of_local_input(self) -> Counts:

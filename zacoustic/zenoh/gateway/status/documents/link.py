@@ -2,17 +2,34 @@
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import Any
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 from zacoustic.core.base.clock import Clock, ns_to_seconds
-from zacoustic.core.base.stats import EngineStats, LedgerEntry
+from zacoustic.core.base.stats import EngineStats
 from zacoustic.core.bond.bonding import BondStatus
 from zacoustic.core.bond.spec import Tariff
 from zacoustic.core.engine.engine import Engine
+from zacoustic.core.relay.paths import PathState
 from zacoustic.core.relay.route import Route
-from zacoustic.core.transport.carry.status import CarryStatus
+from zacoustic.core.transport.carry.status import CarriedSums, CarryStatus, CarrySums
 from zacoustic.run.runner import LinkRunner
+from zacoustic.status.link import (
+    BondDocument,
+    CarriedRow,
+    CarryDocument,
+    ChangedPath,
+    LedgerDocument,
+    LedgerRow,
+    LinkDocument,
+    RelayDocument,
+    RouteDocument,
+    WaitsDocument,
+    crossed,
+)
+from zacoustic.status.node import JournalDocument, NodeDocument
 from zacoustic.zenoh.gateway.status.dates import Dates
 
 
@@ -32,7 +49,7 @@ class LinkStatus:
     def __init__(
         self,
         runner: LinkRunner,
-        about: Mapping[str, object],
+        about: NodeDocument,
         *,
         has_journal: bool,
         clock: Clock,
@@ -43,25 +60,25 @@ class LinkStatus:
         self._tariffs = tariffs
         self._seal = seal
         self._runner = runner
-        self._about = dict(about)
+        self._about = about
         self._has_journal = has_journal
         self._clock = clock
         self._dates = dates
 
     def documents(self) -> dict[str, object]:
         """Return the documents, by the end of their keys."""
-        doubt = self._engine.doubt.reason
+        engine = self._engine
+        doubt = engine.doubt.reason
         return {
-            "node": self._about
-            | {"doubt": doubt, "shared": self._engine.address in self._engine.twins.shared},
+            "node": msgspec.structs.replace(
+                self._about, doubt=doubt, is_shared=engine.address in engine.twins.shared
+            ),
             **self._links(),
-            "ledger": self._ledger(self._engine.stats),
+            "ledger": self._ledger(engine.stats),
             **self._seals(),
-            "journal": {
-                "kept": self._has_journal,
-                "failure": self._engine.journal_failure,
-                "doubt": doubt,
-            },
+            "journal": JournalDocument(
+                kept=self._has_journal, failure=engine.journal_failure, doubt=doubt
+            ),
         }
 
     @property
@@ -79,126 +96,87 @@ class LinkStatus:
 
         The counters of the first cover all links, like the ledger.
         """
-        names, whole = self._engine.links, self._engine.stats
+        engine = self._engine
+        names, whole = engine.links, engine.stats
         found: dict[str, object] = {"link": self._link(names[0], whole)}
         if len(names) > 1:
             found |= {
-                f"link/{name}": self._link(name, whole.links[name])
-                | {"ledger": self._ledger(whole.links[name])}
+                f"link/{name}": self._link(name, whole.links[name], self._ledger(whole.links[name]))
                 for name in names
             }
-        if self._engine.hops:
-            found["relay"] = {"hops": msgspec.to_builtins(self._engine.hops), **self._changed()}
-        if self._engine.carry is not None:
-            found["carry"] = self._carry(self._engine.carry)
-        found |= {f"route/{each.name}": self._route(each) for each in self._engine.routes}
-        return found | {f"bond/{each.name}": self._bond(each) for each in self._engine.bonds}
+        if engine.hops:
+            changed = {name: _changed(each) for name, each in engine.changed_paths.items()}
+            found["relay"] = RelayDocument(hops=engine.hops, changed=changed or UNSET)
+        if engine.carry is not None:
+            found["carry"] = self._carry(engine.carry)
+        found |= {f"route/{each.name}": self._route(each) for each in engine.routes}
+        return found | {f"bond/{each.name}": self._bond(each) for each in engine.bonds}
 
-    def _carry(self, kept: CarryStatus) -> dict[str, object]:
+    def _carry(self, kept: CarryStatus) -> CarryDocument:
         """Return the document of what is kept of carried topics, with dates instead of instants."""
-        rows = [
-            {
-                "id": each.stream_id,
-                "stream": self._engine.table.by_id(each.stream_id).name,
-                "own": _by_text(each.own),
-                "custodians": _by_text(each.custodians),
-                "carried": _by_text(each.carried),
-                "carried_bytes": each.carried_bytes,
-                "oldest_at_unix_s": self._date(each.oldest_at),
-                "ends_at_unix_s": self._date(each.ends_at),
-            }
+        table = self._engine.table
+        rows = tuple(
+            CarriedRow(
+                id=each.stream_id,
+                stream=table.by_id(each.stream_id).name,
+                oldest_at_unix_s=self._date(each.oldest_at),
+                ends_at_unix_s=self._date(each.ends_at),
+                **_of(CarriedSums, each),
+            )
             for each in kept.streams
-        ]
-        sums: dict[str, object] = msgspec.to_builtins(kept)
-        return sums | {"streams": rows}
+        )
+        return CarryDocument(streams=rows, **_of(CarrySums, kept))
 
     def _date(self, instant: int | None) -> float | None:
         return None if instant is None else self._dates.of(instant)
 
-    def _changed(self) -> dict[str, object]:
-        """Return the routes whose path a command has changed, if there are any."""
-        changed = {
-            name: {"revision": each.revision, "number": each.number, "path": each.path}
-            for name, each in self._engine.changed_paths.items()
-        }
-        return {"changed": changed} if changed else {}
-
-    def _bond(self, bond: BondStatus) -> dict[str, object]:
-        """Return the document of a list of links that is used as one."""
+    def _bond(self, bond: BondStatus) -> BondDocument:
         stats = self._engine.stats.links[bond.name]
-        return {
-            "name": bond.name,
-            "links": bond.links,
-            "in_use": bond.in_use,
-            "reach": {
-                str(address): {link: reach.value for link, reach in by_link.items()}
-                for address, by_link in bond.reach.items()
-            },
-            "again": bond.again,
-            "frames_transmitted": stats.frames_transmitted,
-            "bytes_transmitted": stats.bytes_transmitted,
-            "frames_received": stats.frames_received,
-            "bytes_received": stats.bytes_received,
-            "ledger": self._ledger(stats),
-        }
+        return BondDocument(ledger=self._ledger(stats), **_of(BondStatus, bond), **crossed(stats))
 
-    def _route(self, route: Route) -> dict[str, object]:
-        """Return the document of a route that ends here; nobody knows whether its relays live."""
+    def _route(self, route: Route) -> RouteDocument:
         stats = self._engine.stats.links[route.name]
         changed = self._engine.changed_paths.get(route.name)
-        return {
-            "name": route.name,
-            "path": route.path if changed is None else changed.path,
-            "link": route.link,
-            "link_state": self._engine.state_of(route.name).value,
-            "capabilities": self._engine.capabilities_of(route.name),
-            "frames_transmitted": stats.frames_transmitted,
-            "bytes_transmitted": stats.bytes_transmitted,
-            "frames_received": stats.frames_received,
-            "bytes_received": stats.bytes_received,
-            "ledger": self._ledger(stats),
-        }
+        return RouteDocument(
+            name=route.name,
+            path=route.path if changed is None else changed.path,
+            link=route.link,
+            link_state=self._engine.state_of(route.name).value,
+            capabilities=self._engine.capabilities_of(route.name),
+            ledger=self._ledger(stats),
+            **crossed(stats),
+        )
 
-    def _link(self, name: str, stats: EngineStats) -> dict[str, object]:
+    def _link(
+        self, name: str, stats: EngineStats, ledger: LedgerDocument | UnsetType = UNSET
+    ) -> LinkDocument:
         side, why_silent = self._runner.side(name), self._why_silent()
-        return {
-            "name": name,
-            "state": side.state.value,
-            "detail": side.detail,
-            "silent": bool(why_silent),
-            "why_silent": why_silent,
-            "waits": self._waits(name),
-            **self._access(name),
-            "capabilities": self._engine.capabilities_of(name),
-            "diagnostics": side.link.diagnostics(),
-            "frames_transmitted": stats.frames_transmitted,
-            "bytes_transmitted": stats.bytes_transmitted,
-            "airtime_s": ns_to_seconds(stats.airtime_ns),
-            "frames_received": stats.frames_received,
-            "bytes_received": stats.bytes_received,
-            "reports": stats.reports,
-            **self._paid(name),
-        }
-
-    def _paid(self, name: str) -> dict[str, object]:
-        """Return what was paid on a link with a tariff; nothing if it has none."""
-        tariff = self._tariffs.get(name)
-        if tariff is None:
-            return {}
+        access, tariff = self._engine.access_state(name), self._tariffs.get(name)
         paid_bytes = self._engine.stats.links[name].paid_bytes
-        return {"paid_bytes": paid_bytes, "paid": round(paid_bytes * tariff.per_byte, 4)}
+        return LinkDocument(
+            name=name,
+            state=side.state.value,
+            detail=side.detail,
+            is_silent=bool(why_silent),
+            why_silent=why_silent,
+            waits=self._waits(name),
+            access=UNSET if access is None else access,
+            capabilities=self._engine.capabilities_of(name),
+            diagnostics=side.link.diagnostics(),
+            airtime_s=ns_to_seconds(stats.airtime_ns),
+            reports=dict(stats.reports),
+            paid_bytes=UNSET if tariff is None else paid_bytes,
+            paid=UNSET if tariff is None else round(paid_bytes * tariff.per_byte, 4),
+            ledger=ledger,
+            **crossed(stats),
+        )
 
-    def _access(self, name: str) -> dict[str, object]:
-        """Return what the schedule of a link does; nothing if it has none."""
-        state = self._engine.access_state(name)
-        return {} if state is None else {"access": msgspec.to_builtins(state)}
-
-    def _waits(self, name: str) -> dict[str, object] | None:
+    def _waits(self, name: str) -> WaitsDocument | None:
         """Return why the next frame of a link waits, and until when; None: nothing waits."""
         waits = self._engine.waits(self._clock(), name)
         if waits is None:
             return None
-        return {"why": waits.why.value, "until_unix_s": self._date(waits.until)}
+        return WaitsDocument(why=waits.why.value, until_unix_s=self._date(waits.until))
 
     def _why_silent(self) -> str:
         """Return why nothing is transmitted; empty: no command does it, and the time is known."""
@@ -209,24 +187,22 @@ class LinkStatus:
         quiet = "a quiet window" if state.is_silent else ""
         return engine.seal_failure or engine.clock.doubt or quiet
 
-    def _ledger(self, stats: EngineStats) -> dict[str, object]:
-        return {
-            "bytes": stats.bytes_transmitted,
-            "airtime_s": ns_to_seconds(stats.airtime_ns),
-            "entries": [self._entry(entry) for entry in stats.ledger()],
-        }
+    def _ledger(self, stats: EngineStats) -> LedgerDocument:
+        return LedgerDocument(
+            bytes=stats.bytes_transmitted,
+            airtime_s=ns_to_seconds(stats.airtime_ns),
+            entries=[LedgerRow.of(each, self._name(each.stream_id)) for each in stats.ledger()],
+        )
 
-    def _entry(self, entry: LedgerEntry) -> dict[str, object]:
-        stream = self._engine.table.get(entry.stream_id)
-        return {
-            "id": entry.stream_id,
-            "stream": stream.name if stream is not None else "",
-            "cause": entry.cause.value,
-            "bytes": entry.transmitted_bytes,
-            "airtime_s": round(ns_to_seconds(entry.airtime_ns), 6),
-        }
+    def _name(self, stream_id: int) -> str:
+        stream = self._engine.table.get(stream_id)
+        return stream.name if stream is not None else ""
 
 
-def _by_text(counts: Mapping[int, int]) -> dict[str, int]:
-    """Return counts by address as JSON has them: its names are texts."""
-    return {str(address): count for address, count in counts.items()}
+def _changed(state: PathState) -> ChangedPath:
+    return ChangedPath(revision=state.revision, number=state.number, path=state.path)
+
+
+def _of(kind: type[msgspec.Struct], figures: msgspec.Struct) -> dict[str, Any]:
+    """Return the members that a struct has of one of its bases, to make another child of that."""
+    return {name: getattr(figures, name) for name in kind.__struct_fields__}

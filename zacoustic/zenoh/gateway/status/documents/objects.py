@@ -3,9 +3,13 @@
 from collections import deque
 from typing import Final
 
+import msgspec
+from msgspec import UNSET
+
 from zacoustic.core.base.linktypes import BROADCAST
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.core.transport.objects.progress import ObjectProgress, ObjectState
+from zacoustic.status.channel import ObjectsDocument, TransferRow
 
 _ENDED_KEPT: Final = 8
 
@@ -38,31 +42,33 @@ class Objects:
 
     def documents(self) -> dict[str, object]:
         """Return the document, by the end of its key."""
-        return {"objects": self._document()}
-
-    def _document(self) -> dict[str, object]:
+        ended = [
+            msgspec.structs.replace(
+                self._row(each),
+                outcome=each.state.value,
+                missing=list(each.missing),
+                detail=each.detail,
+            )
+            for each in self._ended
+        ]
         return {
-            "sending": [self._described(each) for each in self._sending.values()],
-            "receiving": [self._described(each) for each in self._receiving.values()],
-            "ended": [
-                self._described(each)
-                | {
-                    "outcome": each.state.value,
-                    "missing": list(each.missing),
-                    "detail": each.detail,
-                }
-                for each in self._ended
-            ],
+            "objects": ObjectsDocument(
+                sending=[self._row(each) for each in self._sending.values()],
+                receiving=[self._row(each) for each in self._receiving.values()],
+                ended=ended,
+            )
         }
 
-    def _described(self, event: ObjectProgress) -> dict[str, object]:
+    def _row(self, event: ObjectProgress) -> TransferRow:
         stream = self._table.get(event.stream_id)
-        peer = None if event.peer == BROADCAST else event.peer
-        which: dict[str, object] = {"source": event.peer, "transfer": event.transfer}
-        if event.object_id is not None:
-            which = {"id": event.object_id, "to": peer, "sent_bytes": event.sent_bytes}
-        return which | {
-            "stream": stream.name if stream is not None else None,
-            "done_bytes": event.done_bytes,
-            "total_bytes": event.total_bytes,
-        }
+        is_own = event.object_id is not None
+        return TransferRow(
+            id=UNSET if event.object_id is None else event.object_id,
+            to=UNSET if not is_own else None if event.peer == BROADCAST else event.peer,
+            sent_bytes=event.sent_bytes if is_own else UNSET,
+            source=UNSET if is_own else event.peer,
+            transfer=UNSET if is_own else event.transfer,
+            stream=stream.name if stream is not None else None,
+            done_bytes=event.done_bytes,
+            total_bytes=event.total_bytes,
+        )

@@ -7,6 +7,7 @@ from zacoustic.core.base.linktypes import Service
 from zacoustic.core.engine.engine import Engine
 from zacoustic.core.engine.events import PeerSeen
 from zacoustic.run.runner import LinkRunner
+from zacoustic.status.peers import PeerRow, ReceivedRow
 from zacoustic.zenoh.gateway.status.traffic import Traffic
 
 
@@ -35,44 +36,44 @@ class PeerTable:
     def _engine(self) -> Engine:
         return self._runner.engine
 
-    def _peers(self) -> dict[str, object]:
+    def _peers(self) -> dict[int, PeerRow]:
         confirmed = self._engine.peers()
         measured = self._engine.measurements.addresses()
         heard_at_unix_s = self._traffic.heard_at_unix_s()
         addresses = sorted({*confirmed, *self._seen, *heard_at_unix_s, *measured})
         return {
-            str(address): self._peer(address, confirmed, heard_at_unix_s.get(address))
+            address: self._peer(address, confirmed, heard_at_unix_s.get(address))
             for address in addresses
         }
 
     def _peer(
         self, address: int, confirmed: dict[int, bool], heard_at_unix_s: float | None
-    ) -> dict[str, object]:
+    ) -> PeerRow:
         seen = self._seen.get(address)
         round_trip_ns = self._engine.stats.round_trips_ns.get(address)
-        return {
-            "name": self._engine.table.nodes.get(address, ""),
-            "epoch": seen.epoch if seen else None,
-            "same_table": seen.same_table if seen else None,
-            "wire_version": seen.wire_version if seen else None,
-            "shared": address in self._engine.twins.shared,
-            "confirmed_us": confirmed.get(address, False),
-            "heard_at_unix_s": heard_at_unix_s,
+        return PeerRow(
+            name=self._engine.table.nodes.get(address, ""),
+            epoch=seen.epoch if seen else None,
+            same_table=seen.same_table if seen else None,
+            wire_version=seen.wire_version if seen else None,
+            is_shared=address in self._engine.twins.shared,
+            confirmed_us=confirmed.get(address, False),
+            heard_at_unix_s=heard_at_unix_s,
+            received=self._received(address),
+            round_trip_s=ns_to_seconds(round_trip_ns) if round_trip_ns else None,
+            metrics=self._engine.measurements.metrics(address),
             **self._traffic.of_peer(address),
-            "received": self._received(address),
-            "round_trip_s": ns_to_seconds(round_trip_ns) if round_trip_ns else None,
-            "metrics": self._engine.measurements.metrics(address),
-        }
+        )
 
-    def _received(self, address: int) -> dict[str, object]:
+    def _received(self, address: int) -> dict[str, ReceivedRow]:
         """Return what came from a node by each link; without relays, for those are other nodes."""
         by_link = self._traffic.received_from(address)
         return {
-            link: {
-                "frames": sum(frames for frames, _ in by_link[link].values()),
-                "bytes": sum(size_bytes for _, size_bytes in by_link[link].values()),
-                "airtime_s": self._airtime_s(link, by_link[link]),
-            }
+            link: ReceivedRow(
+                frames=sum(frames for frames, _ in by_link[link].values()),
+                bytes=sum(size_bytes for _, size_bytes in by_link[link].values()),
+                airtime_s=self._airtime_s(link, by_link[link]),
+            )
             for link in self._engine.links
             if link in by_link
         }

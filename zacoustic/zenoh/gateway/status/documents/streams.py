@@ -1,7 +1,7 @@
 """The document about the streams."""
 
-from collections.abc import Callable
-from typing import Final
+from collections.abc import Callable, Collection, Mapping
+from typing import Any, Final
 
 from zacoustic.core.base.qos import Reliability
 from zacoustic.core.engine.engine import Engine
@@ -9,6 +9,7 @@ from zacoustic.core.engine.events import DeliveryEnded, DeliveryOutcome, PeerSee
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, StreamSpec, TopicSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.run.runner import LinkRunner
+from zacoustic.status.streams import DifferRow, Override, StreamRow, StreamsDocument
 from zacoustic.zenoh.gateway.status.traffic import Traffic
 from zacoustic.zenoh.gateway.streams.intake import Intake
 
@@ -65,70 +66,51 @@ class StreamStatus:
     def _engine(self) -> Engine:
         return self._runner.engine
 
-    def _streams(self) -> dict[str, object]:
-        engine, stats = self._engine, self._engine.stats
+    def _streams(self) -> StreamsDocument:
+        engine = self._engine
         jobs, superseded = self._jobs(), self._intake.superseded()
-        return {
-            "digest": engine.table.digest.hex(),
-            "streams": [
-                {
-                    "id": stream.stream_id,
-                    "name": stream.name,
-                    "kind": _KINDS[type(stream.spec)],
-                    "jobs": sorted(job for job, of in jobs if of == stream.stream_id),
-                    "published": stats.published.get(stream.stream_id, 0)
-                    + superseded.get(stream.stream_id, 0),
-                    "transmitted": stats.transmitted.get(stream.stream_id, 0),
-                    "received": stats.received.get(stream.stream_id, 0),
-                    "waiting": engine.pending(stream.stream_id)
-                    + self._intake.waiting(stream.stream_id),
-                    **self._traffic.of_stream(stream.stream_id),
-                    **self._missed(stream),
-                    **self._deliveries(stream),
-                    **self._override(stream),
-                    **self._subscriptions(stream),
-                }
-                for stream in engine.table
-            ],
-            "differ": [
-                {"id": stream_id, "name": self._name(stream_id), "peers": sorted(peers)}
+        return StreamsDocument(
+            digest=engine.table.digest.hex(),
+            streams=[self._row(stream, jobs, superseded) for stream in engine.table],
+            differ=[
+                DifferRow(id=stream_id, name=self._name(stream_id), peers=sorted(peers))
                 for stream_id, peers in sorted(self._differing.items())
                 if peers
             ],
-        }
+        )
 
-    def _missed(self, stream: Stream) -> dict[str, int]:
-        """Return the number of missed deadlines, for a topic that has one."""
-        if stream.qos.deadline_s is None:
-            return {}
-        missed = self._engine.stats.deadlines_missed
-        return {"deadline_missed": missed.get(stream.stream_id, 0)}
-
-    def _deliveries(self, stream: Stream) -> dict[str, int]:
-        """Return the outcomes of the samples of a reliable topic."""
-        if stream.qos.reliability is not Reliability.RELIABLE:
-            return {}
-        counts = self._outcomes.get(stream.stream_id, {})
-        return {outcome.value: counts.get(outcome.value, 0) for outcome in DeliveryOutcome} | {
-            "delivering": self._engine.delivering(stream.stream_id)
-        }
-
-    def _override(self, stream: Stream) -> dict[str, object]:
-        """Return how the samples of a topic of this node are sent, with its overrides."""
-        if not (isinstance(stream.spec, TopicSpec) and stream.may_publish(self._engine.address)):
-            return {}
-        on, qos = self._engine.commands.overrides.effective(stream)
-        priority = qos.priority.name.lower()
-        return {"override": {"on": on, "min_interval_s": qos.min_interval_s, "priority": priority}}
-
-    def _subscriptions(self, stream: Stream) -> dict[str, list[int]]:
-        """Return subscribers and publishers of an on-demand topic."""
-        subscriptions = self._engine.subscriptions
-        subscribers = subscriptions.subscribers(stream)
-        if subscribers is None:
-            return {}
-        asked = subscriptions.wanted(stream.stream_id)
-        return {"subscribers": sorted(subscribers), "subscribed_to": sorted(asked)}
+    def _row(
+        self, stream: Stream, jobs: Collection[tuple[str, int]], superseded: Mapping[int, int]
+    ) -> StreamRow:
+        stream_id, engine, stats = stream.stream_id, self._engine, self._engine.stats
+        more: dict[str, Any] = {}
+        if stream.qos.deadline_s is not None:
+            more["deadline_missed"] = stats.deadlines_missed.get(stream_id, 0)
+        if stream.qos.reliability is Reliability.RELIABLE:
+            counts = self._outcomes.get(stream_id, {})
+            more |= {each.value: counts.get(each.value, 0) for each in DeliveryOutcome}
+            more["delivering"] = engine.delivering(stream_id)
+        if isinstance(stream.spec, TopicSpec) and stream.may_publish(engine.address):
+            on, qos = engine.commands.overrides.effective(stream)
+            more["override"] = Override(
+                on=on, min_interval_s=qos.min_interval_s, priority=qos.priority.name.lower()
+            )
+        subscribers = engine.subscriptions.subscribers(stream)
+        if subscribers is not None:
+            more["subscribers"] = sorted(subscribers)
+            more["subscribed_to"] = sorted(engine.subscriptions.wanted(stream_id))
+        return StreamRow(
+            id=stream_id,
+            name=stream.name,
+            kind=_KINDS[type(stream.spec)],
+            jobs=sorted(job for job, of in jobs if of == stream_id),
+            published=stats.published.get(stream_id, 0) + superseded.get(stream_id, 0),
+            sent=stats.transmitted.get(stream_id, 0),
+            heard=stats.received.get(stream_id, 0),
+            waiting=engine.pending(stream_id) + self._intake.waiting(stream_id),
+            **self._traffic.of_stream(stream_id),
+            **more,
+        )
 
     def _name(self, stream_id: int) -> str:
         stream = self._engine.table.get(stream_id)
