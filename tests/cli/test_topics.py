@@ -13,7 +13,7 @@ from tests.gateway.networks import cbor, get, hear, run
 from zacoustic.app.cli import main
 from zacoustic.core.base.linktypes import Service
 from zacoustic.core.base.trace import TraceRecord
-from zacoustic.zenoh.gateway.notices import LinkChanged, RouterChanged
+from zacoustic.zenoh.gateway.notices import notice
 from zacoustic.zenoh.gateway.status.recent_events import EVENTS_KEPT, TROUBLES_KEPT, RecentEvents
 from zacoustic.zenoh.gateway.status.traffic import EXCHANGES_KEPT, Traffic
 
@@ -155,8 +155,8 @@ def events_of(recent_events: RecentEvents) -> list[Any]:
 def test_recent_events_keep_the_last_and_troubles_longer() -> None:
     recent_events = RecentEvents(lambda: 5.0)
     for _ in range(EVENTS_KEPT):
-        recent_events.note(LinkChanged(state="up"))
-    recent_events.note(RouterChanged(state="lost"))
+        recent_events.note(notice("link", "up", state="up"))
+    recent_events.note(notice("router", "lost", is_trouble=True, state="lost"))
     recent_events.input_error("x" * 1000)
     events = events_of(recent_events)
     assert len(events) == EVENTS_KEPT
@@ -169,7 +169,7 @@ def test_recent_events_keep_the_last_and_troubles_longer() -> None:
     }
     assert len(events[-1]["text"]) == 200
     for _ in range(EVENTS_KEPT):
-        recent_events.note(LinkChanged(state="up"))
+        recent_events.note(notice("link", "up", state="up"))
     events = events_of(recent_events)
     assert [each["trouble"] for each in events] == [True, True] + [False] * EVENTS_KEPT
     for _ in range(2 * EVENTS_KEPT):

@@ -188,6 +188,10 @@ class LocalNetwork:
         self.notices.append(notice)
         self.changed.set()
 
+    def told(self, event: str) -> list[Notice]:
+        """Return the notices of one kind."""
+        return [each for each in self.notices if each.event == event]
+
     @contextmanager
     def client(self) -> Iterator[zenoh.Session]:
         """Connect a plain Zenoh client."""

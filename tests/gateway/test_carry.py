@@ -25,7 +25,6 @@ from tests.gateway.networks import (
     zenoh_config,
 )
 from zacoustic.gateway import Gateway
-from zacoustic.zenoh.gateway.notices import CustodyNotice
 
 MOORING, GLIDER, SHIP = 1, 2, 3
 
@@ -115,10 +114,10 @@ def test_custodian_without_room_is_in_the_status_of_both(
             await _meet(at_mooring, places[GLIDER])
             at_mooring.put("mooring/log", bytes(100))
             await _told(places[MOORING], 2)  # it took it, before it knew that it has no room
-            assert places[MOORING].notices[-1] == CustodyNotice(
-                stream="mooring/log", subscriber=SHIP, custodian=None,
-                detail="node 2 has no room for it",
-            )  # fmt: skip
+            assert places[MOORING].notices[-1].record() == {
+                "event": "custody", "stream": "mooring/log", "subscriber": SHIP, "custodian": None,
+                "detail": "node 2 has no room for it",
+            }  # fmt: skip
             assert await verb("status", "--connect", f"tcp/127.0.0.1:{places[GLIDER].port}") == 0
             out = capsys.readouterr().out
             assert "  custody  for others 0 B of 20 B; 1 refused, no room" in out.splitlines()
@@ -141,6 +140,6 @@ async def _meet(at_mooring: zenoh.Session, glider: LocalNetwork) -> None:
 
 async def _told(place: LocalNetwork, count: int) -> None:
     """Wait until the mooring has told who has its samples, or that none has, so many times."""
-    while sum(isinstance(each, CustodyNotice) for each in place.notices) < count:
+    while len(place.told("custody")) < count:
         place.changed.clear()
         await place.changed.wait()

@@ -22,7 +22,6 @@ from tests.gateway.networks import (
     zenoh_router,
 )
 from zacoustic.app.cli import main
-from zacoustic.zenoh.gateway.notices import RedundancyChanged, SilenceJournalled, TopicOverridden
 
 NOT_OF_SHORE = SECTION | {"commands_from": [3]}
 SILENCE, STREAM = "@acoustic/2/silence", "@acoustic/2/stream/12"
@@ -67,10 +66,8 @@ def test_silence_crosses_the_channel_and_so_does_its_end() -> None:
             assert found.channel.sent_by(2) == before
             assert not (await answer(found.shore, SILENCE, "?command=resume"))["silent"]
             assert await heard.payload() == b"later"
-            kept = [
-                each for each in found.auv_network.notices if isinstance(each, SilenceJournalled)
-            ]
-            assert [each.silent for each in kept] == [True, False]
+            kept = found.auv_network.told("silence")
+            assert [each.facts["silent"] for each in kept] == [True, False]
 
     run(scene())
 
@@ -101,10 +98,8 @@ def test_topic_is_overridden_from_at_a_remote_node() -> None:
             await answer(found.shore, STREAM, "?on=true")
             assert await heard.payload() == b"waits"
             assert await answer(found.shore, STREAM, "?reset=true") == as_it_was
-            notices = [
-                each for each in found.auv_network.notices if isinstance(each, TopicOverridden)
-            ]
-            assert [(each.on, each.commanded_by) for each in notices] == [
+            notices = found.auv_network.told("overridden")
+            assert [(each.facts["on"], each.facts["commanded_by"]) for each in notices] == [
                 (False, 1), (True, 1), (True, 1),
             ]  # fmt: skip
             assert notices[0].lines() == [
@@ -194,7 +189,7 @@ def test_of_two_gateways_one_passes_a_command_on_and_each_executes_its_own() -> 
             first = await stack.enter_async_context(local_network(1, channel, join=port))
             await stack.enter_async_context(local_network(3, channel, join=port))
             await until(
-                lambda: any(isinstance(each, RedundancyChanged) for each in first.notices),
+                lambda: first.told("redundant"),
                 first.changed,
             )
             await stack.enter_async_context(local_network(2, channel))

@@ -7,21 +7,15 @@ from typing import Any
 from tests.gateway.networks import (
     SECTION,
     Channel,
-    LocalNetwork,
     get,
     hear,
     local_network,
     run,
     until,
 )
-from zacoustic.zenoh.gateway.notices import SampleLate
 
 STREAMS: list[dict[str, Any]] = [{"id": 12, "topic": "chat", "depth": 8, "deadline_s": 0.1}]
 TIMED: dict[str, Any] = SECTION | {"streams": STREAMS}
-
-
-def late(where: LocalNetwork) -> list[SampleLate]:
-    return [notice for notice in where.notices if isinstance(notice, SampleLate)]
 
 
 def test_late_sample_is_a_key_and_a_notice_and_is_counted() -> None:
@@ -36,10 +30,11 @@ def test_late_sample_is_a_key_and_a_notice_and_is_counted() -> None:
                 vehicle.put("chat", b"here I am")
                 await heard.next()
                 for where, side in ((shore, "requested"), (auv, "offered")):
-                    await until(partial(late, where), where.changed)
-                    (notice,) = late(where)
-                    assert (notice.stream, notice.address, notice.side) == ("chat", 2, side)
-                times = notice.missed
+                    await until(partial(where.told, "late"), where.changed)
+                    (notice,) = where.told("late")
+                    facts = notice.facts
+                    assert (facts["stream"], facts["address"], facts["side"]) == ("chat", 2, side)
+                times = notice.facts["missed"]
                 line = f"late      chat of node 2: not published in time ({times})"
                 assert notice.lines() == [line]
                 key = "@acoustic/1/peer/2/late"

@@ -20,9 +20,8 @@ from tests.gateway.networks import (
 )
 from zacoustic.core.base.journal import JournalWrite
 from zacoustic.errors import ConfigError
-from zacoustic.gateway import Gateway
+from zacoustic.gateway import Gateway, Notice
 from zacoustic.run.journal import Journal, JournalState, SqliteJournal, journal_in
-from zacoustic.zenoh.gateway.notices import JournalChanged, JournalInDoubt, Started
 
 
 def gateway(
@@ -37,8 +36,8 @@ def gateway(
     return Gateway(config, link=channel.medium.link(2), journal=journal, notify=found.notify)
 
 
-def started(found: LocalNetwork) -> Started:
-    return next(notice for notice in found.notices if isinstance(notice, Started))
+def started(found: LocalNetwork) -> Notice:
+    return found.told("started")[0]
 
 
 async def health(found: LocalNetwork, document: str = "journal") -> dict[str, Any]:
@@ -56,8 +55,8 @@ def test_gateway_keeps_its_journal_in_the_folder_and_says_where(tmp_path: Path, 
             in_config = tmp_path if given == "configuration" else None
             argument = tmp_path if given == "argument" else None
             async with gateway(found, channel, argument, configured=in_config):
-                assert started(found).journal == str(tmp_path / "node-2.sqlite")
-                assert started(found).forgotten == ""
+                assert started(found).facts["journal"] == str(tmp_path / "node-2.sqlite")
+                assert started(found).facts["forgotten"] == ""
                 assert f"journal   {tmp_path / 'node-2.sqlite'}" in started(found).lines()
                 assert await health(found) == {"kept": True, "failure": "", "doubt": ""}
                 second = gateway(LocalNetwork(free_port()), Channel(), tmp_path)
@@ -77,8 +76,12 @@ def test_gateway_without_a_journal_says_what_a_restart_forgets() -> None:
     async def main() -> None:
         found, channel = LocalNetwork(free_port()), Channel()
         async with gateway(found, channel, None):
-            assert started(found).journal == ""
-            assert started(found).forgotten.startswith("no journal, so a restart forgets calls of")
+            assert started(found).facts["journal"] == ""
+            assert (
+                started(found)
+                .facts["forgotten"]
+                .startswith("no journal, so a restart forgets calls of")
+            )
             assert any("restart forgets" in line for line in started(found).lines())
             assert await health(found) == {"kept": False, "failure": "", "doubt": ""}
 
@@ -104,7 +107,7 @@ def test_gateway_goes_on_while_its_journal_cannot_be_written(
         journal = Failing(tmp_path / "node-2.sqlite", 2)
 
         async def changed(failure: str) -> None:
-            while JournalChanged(failure=failure) not in found.notices:
+            while failure not in [each.facts["failure"] for each in found.told("journal")]:
                 found.changed.clear()
                 await found.changed.wait()
 
@@ -132,7 +135,7 @@ def test_damaged_journal_does_not_stop_a_gateway_which_says_so_in_its_health(
             doubt = (await health(found))["doubt"]
             assert "node-2.sqlite: it is damaged" in doubt
             assert (await health(found, "node"))["doubt"] == doubt
-            assert JournalInDoubt(reason=doubt) in found.notices
+            assert [each.facts["reason"] for each in found.told("journal_in_doubt")] == [doubt]
 
     run(main())
 

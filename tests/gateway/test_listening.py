@@ -12,7 +12,6 @@ import zenoh
 from tests.gateway.networks import SECTION, Channel, LocalNetwork, config_of, free_port, run
 from zacoustic.config import config_from_mapping
 from zacoustic.gateway import Gateway
-from zacoustic.zenoh.gateway.notices import Started
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.session.session import endpoints_of, listen_here
 
@@ -45,9 +44,9 @@ def test_a_file_without_listen_is_reached_from_this_computer_only() -> None:
         async with Gateway(config, link=Channel().medium.link(1), notify=found.notify):
             opened = {place.rpartition(":")[0] for place in listening() - before}
             assert opened == {"0100007F"}  # 127.0.0.1
-        (started,) = [each for each in found.notices if isinstance(each, Started)]
-        assert started.listens_here
-        assert started.endpoints == ("listen tcp/127.0.0.1:0",)
+        (started,) = found.told("started")
+        assert started.facts["listens_here"]
+        assert started.facts["endpoints"] == ("listen tcp/127.0.0.1:0",)
         assert any("only this computer" in line for line in started.lines())
 
     run(scene())

@@ -31,13 +31,12 @@ from zacoustic.app.tools.field.doctor.network import Running
 from zacoustic.app.tools.field.doctor.running import judge
 from zacoustic.config import Config, config_from_mapping
 from zacoustic.errors import ConfigError, LinkOpenError
-from zacoustic.gateway import Gateway, read_marker
+from zacoustic.gateway import Gateway, Notice, read_marker
 from zacoustic.link.contract import Finding, LinkReceiver
 from zacoustic.run.hostclock import HostClock
 from zacoustic.run.journal import SqliteJournal, journal_in
 from zacoustic.zenoh.gateway import lostcontact
 from zacoustic.zenoh.gateway.lostcontact import pause_s
-from zacoustic.zenoh.gateway.notices import LinkChanged, LostContactNotice, Started
 from zacoustic_sim.link import SimLink
 
 AFTER_S = 0.3
@@ -50,16 +49,16 @@ def section(**entry: Any) -> dict[str, Any]:
     return SECTION | {"lost_contact": [given | entry]}
 
 
-def said(where: LocalNetwork) -> list[LostContactNotice]:
-    return [each for each in where.notices if isinstance(each, LostContactNotice)]
+def said(where: LocalNetwork) -> list[Notice]:
+    return where.told("lost_contact")
 
 
 def states(where: LocalNetwork) -> list[str]:
-    return [each.state for each in said(where)]
+    return [each.facts["state"] for each in said(where)]
 
 
 def links(where: LocalNetwork) -> list[str]:
-    return [each.state for each in where.notices if isinstance(each, LinkChanged)]
+    return [each.facts["state"] for each in where.told("link")]
 
 
 async def document(session: zenoh.Session) -> dict[str, Any]:
@@ -115,14 +114,14 @@ def test_service_is_called_until_it_answers_and_again_after_the_next_loss() -> N
         async with local_network(2, channel, section=rule, host=HERE) as auv:
             with auv.client() as client:
                 await until(lambda: states(auv) == ["lost", "unanswered"], auv.changed)
-                assert "NO_SERVER: nobody serves auv1/surface" in said(auv)[1].detail
+                assert "NO_SERVER: nobody serves auv1/surface" in said(auv)[1].facts["detail"]
                 server = Server(client, KEY)
                 for answer, reason in ((failing, "no air"), (refusing, '"success":false')):
                     server.answer = answer
                     expected = len(states(auv)) + 1
                     await until(lambda count=expected: len(states(auv)) >= count, auv.changed)  # type: ignore[misc]
-                    assert reason in said(auv)[-1].detail
-                    assert said(auv)[-1].state == "unanswered"
+                    assert reason in said(auv)[-1].facts["detail"]
+                    assert said(auv)[-1].facts["state"] == "unanswered"
                 failed = await document(client)
                 assert failed["state"] == "lost"
                 assert failed["attempts"] >= 3
@@ -172,7 +171,8 @@ def test_server_that_never_answers_is_asked_again() -> None:
                 held: list[zenoh.Query] = []
                 client.declare_queryable(KEY, held.append)
                 await until(
-                    lambda: any("TIMED_OUT" in each.detail for each in said(auv)), auv.changed
+                    lambda: any("TIMED_OUT" in each.facts["detail"] for each in said(auv)),
+                    auv.changed,
                 )
                 while len(held) < 2:
                     await document(client)
@@ -186,7 +186,7 @@ def test_key_is_published_until_somebody_subscribes() -> None:
         async with local_network(2, Channel(), section=rule) as auv:
             with auv.client() as client:
                 await until(lambda: states(auv) == ["lost", "unanswered"], auv.changed)
-                assert "nobody subscribes to auv1/surface" in said(auv)[1].detail
+                assert "nobody subscribes to auv1/surface" in said(auv)[1].facts["detail"]
                 heard = await hear(client, KEY)
                 sample = await heard.next()
                 assert sample.payload.to_bytes() == b'"abort"'
@@ -282,8 +282,8 @@ def test_gateway_without_its_modem_starts_and_acts(monkeypatch: pytest.MonkeyPat
 
         monkeypatch.setattr(link, "open", open_it)
         async with without_modem(found, link):
-            (started,) = [each for each in found.notices if isinstance(each, Started)]
-            assert "lost_contact without a journal" in started.forgotten
+            (started,) = found.told("started")
+            assert "lost_contact without a journal" in started.facts["forgotten"]
             with found.client() as client:
                 Server(client, KEY).answer = agreeing
                 await until(lambda: states(found)[-1:] == ["acted"], found.changed)
@@ -349,7 +349,7 @@ def test_service_of_ros_is_called_until_it_says_success() -> None:
 
                 node.serve("/auv1/surface", TRIGGER, surface)
                 await until(lambda: states(auv)[-1:] == ["acted"], auv.changed)
-                assert any('"success":false' in each.detail for each in said(auv))
+                assert any('"success":false' in each.facts["detail"] for each in said(auv))
                 assert answers == []
 
     run(scene())

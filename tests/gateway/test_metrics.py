@@ -40,7 +40,6 @@ from zacoustic.core.relay.relay import Hop
 from zacoustic.errors import ConfigError, LinkOpenError
 from zacoustic.gateway import Gateway
 from zacoustic.status.link import BondDocument, LinkDocument
-from zacoustic.zenoh.gateway.notices import Started
 from zacoustic.zenoh.gateway.status import metrics as status_metrics
 from zacoustic.zenoh.gateway.status.metrics import _hops, _reachable
 from zacoustic_sim.link import SimConfig
@@ -59,8 +58,8 @@ async def measured(
     config = config_of(address, zenoh_config("router", listen=found.port), section)
     link = channel.medium.link(address, SimConfig(acknowledges=True))
     async with Gateway(config, link=link, notify=found.notify, metrics=place):
-        started = next(each for each in found.notices if isinstance(each, Started))
-        yield found, started.metrics
+        started = found.told("started")[0]
+        yield found, started.facts["metrics"]
 
 
 async def scrape(url: str) -> dict[tuple[str, Labels], float]:

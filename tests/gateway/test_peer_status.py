@@ -30,10 +30,11 @@ from zacoustic.core.engine.engine import Engine
 from zacoustic.core.peers.contact import Contact, ContactRules
 from zacoustic.core.peers.measurements import Measurements
 from zacoustic.core.peers.peers import Peers
+from zacoustic.core.peers.ranging import RangeFailed, RangeFailure
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import RangeUnavailableError
 from zacoustic.gateway import Gateway
-from zacoustic.zenoh.gateway.notices import EngineLost, RangingFailed
+from zacoustic.zenoh.gateway.events.said import said
 from zacoustic.zenoh.gateway.status.peer_status import PeerStatus
 from zacoustic_sim.link import SimConfig, SimLink
 
@@ -134,7 +135,7 @@ def test_measurements_are_those_of_the_engine_that_runs(monkeypatch: pytest.Monk
                     broken.setattr(Engine, "handle_carrier", fail)
                     receiver.carrier_changed(True)
                 await until(
-                    lambda: any(isinstance(each, EngineLost) for each in shore.notices),
+                    lambda: shore.told("internal_error"),
                     shore.changed,
                 )
                 now = channel.medium.clock()
@@ -159,7 +160,15 @@ def test_gateway_whose_link_measures_no_ranges_does_not_start_with_a_schedule() 
 
 
 def test_notice_about_a_range_is_one_line() -> None:
-    notice = RangingFailed(address=2, text="this link measures no ranges")
+    event = RangeFailed(
+        range_id=None,
+        address=2,
+        failure=RangeFailure.UNAVAILABLE,
+        text="this link measures no ranges",
+    )
+    context: Any = None
+    notice = said(event, context)
+    assert notice is not None
     assert notice.lines() == ["ranging   node 2: this link measures no ranges"]
 
 

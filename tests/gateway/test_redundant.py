@@ -30,7 +30,6 @@ from tests.gateway.networks import (
 from zacoustic.core.streams.table import Stream
 from zacoustic.errors import SessionError
 from zacoustic.gateway import Gateway
-from zacoustic.zenoh.gateway.notices import RedundancyChanged, Started
 from zacoustic.zenoh.gateway.redundant import RETIRED_S, RedundantGateways
 
 ROUNDS = 5
@@ -74,11 +73,11 @@ def alive(of: LocalNetwork) -> tuple[int, ...]:
     """Return the gateways on a local network as its last notice about them says."""
     found: list[tuple[int, ...]] = [()]
     for each in of.notices:
-        if isinstance(each, Started):
-            others = each.redundant  # those that were there before
-            found.append(tuple(sorted((*others, each.address))) if others else ())
-        elif isinstance(each, RedundancyChanged):
-            found.append(each.addresses)
+        if each.event == "started":
+            others = each.facts["redundant"]  # those that were there before
+            found.append(tuple(sorted((*others, each.facts["address"]))) if others else ())
+        elif each.event == "redundant":
+            found.append(each.facts["addresses"])
     return found[-1]
 
 
@@ -224,8 +223,8 @@ def test_second_gateway_with_the_same_address_is_refused() -> None:
             config = config_of(1, zenoh_config("client", connect=a.port))
             with pytest.raises(SessionError, match="has the address 1"):
                 await Gateway(config, link=channel.medium.link(3)).start()
-            assert not [each for each in a.notices if isinstance(each, RedundancyChanged)]
-            assert [each.redundant for each in a.notices if isinstance(each, Started)] == [()]
+            assert not a.told("redundant")
+            assert [each.facts["redundant"] for each in a.told("started")] == [()]
 
     run(main())
 
@@ -243,10 +242,8 @@ def test_gateway_of_another_fleet_is_not_redundant() -> None:
                 documents = await get(shore, "@acoustic/*/streams")
                 assert sorted(documents.good) == ["@acoustic/1/streams", "@acoustic/3/streams"]
             for each in (a, other):
-                assert not [said for said in each.notices if isinstance(said, RedundancyChanged)]
-                assert [said.redundant for said in each.notices if isinstance(said, Started)] == [
-                    ()
-                ]
+                assert not each.told("redundant")
+                assert [said.facts["redundant"] for said in each.told("started")] == [()]
             config = config_of(3, zenoh_config("client", connect=other.port))
             with pytest.raises(SessionError, match="has the address 3"):
                 await Gateway(config, link=channel.medium.link(2)).start()

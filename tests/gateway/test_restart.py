@@ -18,7 +18,6 @@ from tests.gateway.networks import (
 )
 from tests.gateway.test_reliable import RELIABLE
 from zacoustic.gateway import Gateway
-from zacoustic.zenoh.gateway.notices import Started
 from zacoustic.zenoh.gateway.streams import matching
 
 
@@ -58,7 +57,7 @@ def test_a_restart_without_programs_ends_its_wait(
         for _ in range(2):
             channel, auv = Channel(), LocalNetwork(free_port())
             async with restarting(auv, channel, tmp_path):
-                assert any(isinstance(each, Started) for each in auv.notices)
+                assert auv.told("started")
 
     run(main())
     lines = [each.message for each in caplog.records if "nobody here subscribes" in each.message]

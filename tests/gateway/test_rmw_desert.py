@@ -25,9 +25,9 @@ from tests.links.desert.desert_rig import SCALE, standin
 from tests.links.desert.desert_rig import config as desert
 from tests.links.desert.test_rmw_desert import Vehicle
 from zacoustic.config import config_from_mapping
-from zacoustic.core.profiles.entities import DiscoverySpec
+from zacoustic.core.profiles.entities import DiscoverySpec, EntityKind, RosEntitySeen
 from zacoustic.gateway import Gateway, Marker, read_marker
-from zacoustic.zenoh.gateway.notices import EntityHeard, LinkChanged
+from zacoustic.zenoh.gateway.events.said import said
 from zacoustic_desert.link import DesertLink
 from zacoustic_desert.server import StandInServer
 
@@ -82,8 +82,9 @@ def on_desert(
         await vehicle.open(server.addresses[1])
         link = DesertLink(server.addresses[0], desert())
         async with Gateway(config, link=link, notify=found.notify):
-            up = LinkChanged(state="up", detail=f"connected to DESERT at {server.addresses[0]}")
-            await until(lambda: up in found.notices, found.changed)
+            detail = f"connected to DESERT at {server.addresses[0]}"
+            up = {"event": "link", "state": "up", "detail": detail, "link": ""}
+            await until(lambda: up in [each.record() for each in found.notices], found.changed)
             with found.client() as client:
                 await body(found, client, vehicle)
         await vehicle.close()
@@ -159,8 +160,9 @@ def test_beacons_become_notices() -> None:
         assert (own.stream_id, own.items[0]) == (1, "shore")
         beacon = ("talker", "/auv", 0, 16, *range(16), "/auv1/pose", "Pose", False)
         vehicle.say(packet(SAMPLE, 1, *beacon))
-        heard = EntityHeard(node="/auv/talker", kind="publisher", topic="/auv1/pose", type="Pose")
-        await until(lambda: heard in found.notices, found.changed)
+        heard = {"event": "entity", "node": "/auv/talker", "kind": "publisher",
+                 "topic": "/auv1/pose", "type": "Pose", "leaves": False}  # fmt: skip
+        await until(lambda: heard in [each.record() for each in found.notices], found.changed)
 
     on_desert(body, discovery=DiscoverySpec(beacon_id=1, request_id=2, node_name="shore"))
 
@@ -181,7 +183,14 @@ def test_nobody_is_known_by_address_and_orders_do_not_cross() -> None:
 
 
 def test_a_notice_of_an_entity_is_one_line() -> None:
-    here = EntityHeard(node="/talker", kind="publisher", topic="/pose", type="Pose")
-    assert here.lines() == ["entity    /talker: publisher /pose Pose"]
-    left = EntityHeard(node="/talker", kind="publisher", topic="", type="", leaves=True)
-    assert left.lines() == ["entity    /talker: publisher leaves"]
+    context: Any = None
+    here = RosEntitySeen(
+        node="talker", namespace="/", kind=EntityKind.PUBLISHER, gid=bytes(16), topic="/pose",
+        type="Pose", leaves=False, seen_at=0,
+    )  # fmt: skip
+    left = msgspec.structs.replace(here, topic="", type="", leaves=True)
+    lines = [notice.lines() for each in (here, left) if (notice := said(each, context)) is not None]
+    assert lines == [
+        ["entity    /talker: publisher /pose Pose"],
+        ["entity    /talker: publisher leaves"],
+    ]

@@ -372,7 +372,7 @@ async def test_a_topic_on_demand_crosses_when_a_node_subscribes(pair: Pair) -> N
     wanted = {"subscribers": (1,), "stream": "chat"}
     await until(
         lambda: any(
-            all(getattr(notice, key, None) == value for key, value in wanted.items())
+            all(notice.facts.get(key) == value for key, value in wanted.items())
             for notice in pair.b.notices
         ),
         pair.b.changed,

@@ -22,7 +22,6 @@ from tests.gateway.networks import (
 from tests.links.udp_pair import locators
 from tests.runtime.loop_checks import until
 from zacoustic.gateway import Gateway
-from zacoustic.zenoh.gateway.notices import LinkChanged, Started
 
 
 def section(radio: str) -> dict[str, Any]:
@@ -79,8 +78,10 @@ def test_gateway_starts_without_its_radio_and_gets_it_later() -> None:
             async with local_network(1, channel, section=section(near)) as shore:
 
                 def said(state: str) -> list[str]:
-                    told = [each for each in shore.notices if isinstance(each, LinkChanged)]
-                    return [x.detail for x in told if (x.link, x.state) == ("radio", state)]
+                    facts = [each.facts for each in shore.told("link")]
+                    return [
+                        x["detail"] for x in facts if (x["link"], x["state"]) == ("radio", state)
+                    ]
 
                 await until(lambda: said("down"), shore.changed)
                 assert "in use" in said("down")[0]
@@ -108,7 +109,7 @@ def test_metrics_have_each_link_by_its_name() -> None:
         link = channel.medium.link(1)
         place = ("127.0.0.1", 0)
         async with Gateway(config, link=link, notify=found.notify, metrics=place):
-            url = next(each for each in found.notices if isinstance(each, Started)).metrics
+            url = found.told("started")[0].facts["metrics"]
             values: dict[str, float] = {}
             while values.get("radio") != 1:
                 values = {

@@ -9,7 +9,6 @@ import pytest
 
 from tests.gateway.networks import SECTION, Channel, free_port, get, local_network, run, until
 from zacoustic.app.cli import main
-from zacoustic.zenoh.gateway.notices import SilenceJournalled
 
 
 async def verb(*arguments: str) -> int:
@@ -43,8 +42,8 @@ def test_command_keeps_the_modem_silent_until_it_is_resumed() -> None:
                 assert channel.emissions == []
                 assert not (await state(client, "?command=resume"))["silent"]
                 await until(lambda: channel.emissions, channel.changed)
-                kept = [each for each in shore.notices if isinstance(each, SilenceJournalled)]
-                assert [each.silent for each in kept] == [True, False]
+                kept = shore.told("silence")
+                assert [each.facts["silent"] for each in kept] == [True, False]
 
     run(scene())
 

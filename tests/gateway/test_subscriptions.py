@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from typing import Any, TypeVar
+from typing import Any
 
 import pytest
 
@@ -20,11 +20,7 @@ from tests.gateway.networks import (
     until,
     zenoh_router,
 )
-from zacoustic.gateway import Notice
-from zacoustic.zenoh.gateway.notices import PeerBack, PeerMissed, Subscribed
 from zacoustic.zenoh.gateway.streams import matching
-
-N = TypeVar("N", bound=Notice)
 
 DEMANDED: dict[str, Any] = SECTION | {
     "streams": [
@@ -49,15 +45,15 @@ def _no_grace(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(matching, "GRACE_S", 0.0)
 
 
-def told(where: LocalNetwork, kind: type[N]) -> list[N]:
-    return [notice for notice in where.notices if isinstance(notice, kind)]
-
-
 async def wanted(where: LocalNetwork, stream: str, *subscribers: int) -> None:
     """Wait until a gateway knows that these subscribe to a topic of it."""
 
     def last() -> tuple[int, ...] | None:
-        known = [each.subscribers for each in told(where, Subscribed) if each.stream == stream]
+        known = [
+            each.facts["subscribers"]
+            for each in where.told("subscribers")
+            if each.facts["stream"] == stream
+        ]
         return known[-1] if known else None
 
     await until(lambda: last() == subscribers, where.changed)
@@ -115,7 +111,7 @@ def test_only_the_nodes_are_asked_of_which_somebody_wants_to_see_something() -> 
             with shore.client() as looker, auv.client() as vehicle, buoy.client() as other:
                 heard = await hear(looker, "fleet/auv1/status")
                 await wanted(auv, "fleet/{node}/status", 1)
-                assert told(buoy, Subscribed) == []
+                assert buoy.told("subscribers") == []
                 other.put("fleet/buoy/status", b"unseen")
                 vehicle.put("fleet/auv1/status", b"seen")
                 assert await heard.payload() == b"seen"
@@ -195,7 +191,7 @@ def test_looker_that_is_back_at_once_costs_nothing(monkeypatch: pytest.MonkeyPat
                 heard = await hear(looker, "auv1/nav")
                 vehicle.put("auv1/nav", NAV)
                 await heard.next()
-                assert len(told(auv, Subscribed)) == 1
+                assert len(auv.told("subscribers")) == 1
 
     run(scene())
 
@@ -228,8 +224,8 @@ def test_lost_node_is_a_key_and_a_notice() -> None:
         nodes[1]["lost_after_s"] = 0.05
         async with local_network(1, channel, section=SECTION | {"nodes": nodes}) as shore:
             with shore.client() as client:
-                await until(lambda: told(shore, PeerMissed), shore.changed)
-                assert told(shore, PeerMissed)[0].address == 2
+                await until(lambda: shore.told("lost"), shore.changed)
+                assert shore.told("lost")[0].facts["address"] == 2
                 key = "@acoustic/1/peer/2/lost"
                 found = json.loads((await get(client, key)).payload(key))
                 assert found["lost"] is True
@@ -239,11 +235,9 @@ def test_lost_node_is_a_key_and_a_notice() -> None:
                 async with local_network(2, channel) as auv:
                     with auv.client() as vehicle:
                         vehicle.put("chat", b"here I am")
-                        await until(lambda: told(shore, PeerBack), shore.changed)
-                        assert told(shore, PeerBack)[0].lines() == ["found     2 auv1"]
+                        await until(lambda: shore.told("found"), shore.changed)
+                        assert shore.told("found")[0].lines() == ["found     2 auv1"]
                 await heard.next()
-                assert told(shore, PeerMissed)[0].lines() == [
-                    "lost      2 auv1: not heard any more"
-                ]
+                assert shore.told("lost")[0].lines() == ["lost      2 auv1: not heard any more"]
 
     run(scene())

@@ -31,7 +31,6 @@ from zacoustic.gateway import Gateway
 from zacoustic.run.recording.channels import events_channel
 from zacoustic.run.recording.reading import RecordingReader
 from zacoustic.run.recording.writing import RecordingFile
-from zacoustic.zenoh.gateway.notices import NotRecorded, Started
 
 
 def values(path: Path, ending: str) -> list[Any]:
@@ -156,7 +155,7 @@ def test_a_full_disk_ends_the_recording_and_not_the_gateway(
         async with Gateway(
             settings, link=sea.medium.link(1), record=tmp_path / "a.mcap", notify=here.notify
         ):
-            while not any(isinstance(each, NotRecorded) for each in here.notices):
+            while not here.told("recording"):
                 here.changed.clear()
                 await here.changed.wait()
             with here.client() as shore:
@@ -164,10 +163,10 @@ def test_a_full_disk_ends_the_recording_and_not_the_gateway(
                 while not sea.sent_by(1):
                     sea.changed.clear()
                     await sea.changed.wait()
-        (told,) = [each for each in here.notices if isinstance(each, NotRecorded)]
+        (told,) = here.told("recording")
         assert "almost full, 1 MiB" in told.lines()[0]
-        (started,) = [each for each in here.notices if isinstance(each, Started)]
-        assert started.recording == str(tmp_path / "a.mcap")
+        (started,) = here.told("started")
+        assert started.facts["recording"] == str(tmp_path / "a.mcap")
 
     run_networks(main())
 

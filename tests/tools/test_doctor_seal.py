@@ -5,6 +5,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -23,11 +24,15 @@ from tests.tools.ward import NODES, STREAMS, beside, examine, modem_file, proble
 from zacoustic.app.cli import main
 from zacoustic.app.tools.security.keycheck import check_room, check_running
 from zacoustic.config import Config, config_from_mapping
+from zacoustic.core.engine.events import SealAlarm
 from zacoustic.core.linktypes import LinkCapabilities
+from zacoustic.core.peers.sealing import SealRefusal
+from zacoustic.core.streams.specs import TopicSpec
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.gateway import Gateway
 from zacoustic.run.journal import journal_in
 from zacoustic.seal.keys import FleetKey, new_key, read_key, write_key
-from zacoustic.zenoh.gateway.notices import SealBroken
+from zacoustic.zenoh.gateway.events.said import said
 from zacoustic.zenoh.gateway.status.recent_events import RecentEvents
 
 KEY = new_key("harbour")
@@ -132,14 +137,25 @@ def test_a_gateway_that_runs_with_another_key_or_none(tmp_path: Path) -> None:
     run(scene())
 
 
+STOP = 10
+
+
 def test_what_a_node_may_not_say_is_not_taken_for_another_key() -> None:
     config = config_from_mapping({"address": 1, "security": {"key": "k"}}, source="file")
+    table = StreamTable([TopicSpec(stream_id=STOP, name="auv1/stop")], nodes={3: "buoy"})
+    context: Any = SimpleNamespace(engine=SimpleNamespace(table=table))
     events = RecentEvents()
-    for refusal, frames in (("forbidden", 1), ("forbidden", 31), ("unsealed", 1)):
-        stream = "auv1/stop" if refusal == "forbidden" else ""
-        notice = SealBroken(
-            address=3, name="buoy", refusal=refusal, frames=frames, is_too_many=False, stream=stream
-        )
+    for refusal, frames in (
+        (SealRefusal.FORBIDDEN, 1),
+        (SealRefusal.FORBIDDEN, 31),
+        (SealRefusal.UNSEALED, 1),
+    ):
+        event = SealAlarm(
+            address=3, refusal=refusal, frames=frames, is_too_many=False,
+            stream_id=STOP if refusal is SealRefusal.FORBIDDEN else None,
+        )  # fmt: skip
+        notice = said(event, context)
+        assert notice is not None
         events.note(notice)
     health = {"seal": {"fingerprint": "x"}, **msgspec.to_builtins(events.documents())}
     forbidden, unsealed = check_running(config, health, "x")

@@ -3,6 +3,7 @@
 import asyncio
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Final
 
 from tests.virtual.fleet import line
@@ -19,7 +20,7 @@ from zacoustic.core.wire.seal import LongHead, Way, associated_data, nonce
 from zacoustic.run.audit import AuditLog, read_audit
 from zacoustic.seal.ccm import FleetCipher
 from zacoustic.testing.virtual import VirtualNetwork
-from zacoustic.zenoh.gateway.notices import SealBroken
+from zacoustic.zenoh.gateway.events.said import said
 
 STOP, NAV = 10, 11
 NODES: Final = {1: "shore", 2: "auv", 3: "buoy"}
@@ -89,9 +90,10 @@ def test_a_node_that_is_no_publisher_is_named_with_the_stream_and_the_count(
         (3, "seal", "forbidden", "auv/stop", "1 frames"),
         (3, "seal", "forbidden", "auv/stop", "31 frames"),
     ]
-    notice = SealBroken(
-        address=3, name="buoy", refusal="forbidden", frames=31, is_too_many=False, stream="auv/stop"
-    )
+    told = [each for _, each in network.events if isinstance(each, SealAlarm)]
+    context: Any = SimpleNamespace(engine=network.engine(2))
+    notice = said(told[-1], context)
+    assert notice is not None
     assert notice.lines() == ["seal      3 buoy: it sends what it may not send: auv/stop (31)"]
 
 

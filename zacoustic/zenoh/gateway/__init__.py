@@ -7,7 +7,7 @@ modules:
   session is a `zacoustic.zenoh.session`, the engine runs in a `zacoustic.run.node`;
 - `network`: declarations on the local network for each stream (`jobs`), and other gateways there;
   `redundant`: which of several local gateways does a job;
-- `events`: the event dispatcher, and the notices of events;
+- `events`: the event dispatcher, and what events say (`said`);
 - `streams`: topics, services and actions, both ways, and samples for late joiners;
 - `dialect`: the forms of streams for Zenoh programs and for nodes of ROS 2 (`ros`);
 - `commands`: requests to the gateway itself;

@@ -20,7 +20,6 @@ from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.status.node import NodeDocument
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
-from zacoustic.zenoh.gateway.events.eventnotices import EventNotices
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
@@ -145,7 +144,6 @@ class Composition:
             tell=self._announcer.tell,
         )
         status = self._status(streams, routes, objects, lost_contact)
-        notices = EventNotices(self._table, self._context)
         return GatewaySession(
             self._node,
             self._runner,
@@ -154,7 +152,7 @@ class Composition:
             requests=RequestHandler(self._context, self._redundant, status.health),
             status=status,
             dispatcher=EventDispatcher(
-                streams, self._context, objects, network, status, notices, lost_contact
+                streams, self._context, objects, network, status, lost_contact
             ),
             lost_contact=lost_contact,
         )

@@ -41,7 +41,7 @@ from zacoustic.text.safetext import one_line, without_secrets
 from zacoustic.zenoh.gateway.compose import Composition
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.inputerrors import InputErrors
-from zacoustic.zenoh.gateway.notices import Notice, Notify, NotRecorded, Started, Stopped
+from zacoustic.zenoh.gateway.notices import Notice, Notify, notice
 from zacoustic.zenoh.gateway.session import GatewaySession
 from zacoustic.zenoh.session.latching import stamp_samples
 from zacoustic.zenoh.session.session import (
@@ -195,7 +195,7 @@ class Gateway:
                 if self._metrics is not None:
                     last_first.push_async_callback(self._metrics.close)
             if self._session is not None:
-                self._notify(Stopped())
+                self._notify(notice("stopped", ""))
         finally:
             self._closed.set()
 
@@ -222,30 +222,55 @@ class Gateway:
     ) -> None:
         await self.close()
 
-    def _started(self, session: GatewaySession, node: PreparedNode) -> Started:
+    def _started(self, session: GatewaySession, node: PreparedNode) -> Notice:
         config, table, journal = self.config, self.config.table, self._parts.journal
-        return Started(
-            address=config.address,
-            name=config.name or "",
-            mode=mode_of(self._zenoh_config),
-            zid=str(session.network.zenoh_session.session.zid()),
-            endpoints=tuple(
-                f"{word} {without_secrets(endpoint)}"
-                for word in ("listen", "connect")
-                for endpoint in endpoints_of(self._zenoh_config, word)
-            ),
-            listens_here=self._listens_here,
-            link=self._locator,
-            link_state=session.runner.link_state.value,
-            streams=tuple(stream.name for stream in table),
-            digest=table.digest.hex(),
-            journal=str(journal.path) if isinstance(journal, SqliteJournal) else "",
-            forgotten=self._forgotten(),
-            metrics=self._metrics.url if self._metrics is not None else "",
-            recording=str(node.recording.path) if node.recording is not None else "",
-            redundant=tuple(
-                each for each in session.network.redundant.alive if each != config.address
-            ),
+        name, mode = config.name or "", mode_of(self._zenoh_config)
+        zid = str(session.network.zenoh_session.session.zid())
+        endpoints = [
+            f"{word} {without_secrets(endpoint)}"
+            for word in ("listen", "connect")
+            for endpoint in endpoints_of(self._zenoh_config, word)
+        ]
+        link_state, digest = session.runner.link_state.value, table.digest.hex()
+        streams = [stream.name for stream in table]
+        kept = str(journal.path) if isinstance(journal, SqliteJournal) else ""
+        forgotten = self._forgotten()
+        metrics = self._metrics.url if self._metrics is not None else ""
+        recording = str(node.recording.path) if node.recording is not None else ""
+        redundant = [each for each in session.network.redundant.alive if each != config.address]
+        here = ["only this computer reaches it: no listen in the file"] * self._listens_here
+        lines = [
+            ("address", f"{config.address} {name}".rstrip()),
+            ("session", f"{mode} {zid}"),
+            *(("endpoint", endpoint) for endpoint in endpoints + here),
+            ("link", f"{self._locator} ({link_state})"),
+            ("streams", f"{len(streams)}: {', '.join(streams)}"),
+            ("digest", digest),
+            *[("journal", kept or forgotten)] * bool(kept or forgotten),
+            *[("metrics", metrics)] * bool(metrics),
+            *[("recording", recording)] * bool(recording),
+            *(("redundant", f"gateway {address}") for address in redundant),
+        ]
+        return Notice(
+            event="started",
+            says=tuple(f"{head:<10}{line}" for head, line in lines),
+            facts={
+                "address": config.address,
+                "name": name,
+                "mode": mode,
+                "zid": zid,
+                "endpoints": tuple(endpoints),
+                "listens_here": self._listens_here,
+                "link": self._locator,
+                "link_state": link_state,
+                "streams": tuple(streams),
+                "digest": digest,
+                "journal": kept,
+                "forgotten": forgotten,
+                "metrics": metrics,
+                "recording": recording,
+                "redundant": tuple(redundant),
+            },
         )
 
     @property
@@ -290,7 +315,7 @@ class Gateway:
             self._record,
             clock=self._parts.clock,
             ros=ros.streams if ros is not None else None,
-            trouble=lambda text: self._notify(NotRecorded(detail=text)),
+            trouble=lambda text: self._notify(notice("recording", text, detail=text)),
         )
 
     async def _join(self, node: PreparedNode, zenoh_session: ZenohSession) -> GatewaySession:

@@ -33,7 +33,7 @@ from zacoustic.errors import PayloadInvalidError
 from zacoustic.run.inbox import tell_loop
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.gateway.dialect.dialects import ServiceDialect
-from zacoustic.zenoh.gateway.notices import LostContactNotice, Notify
+from zacoustic.zenoh.gateway.notices import Notify, notice
 from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.marker import Marker
@@ -315,7 +315,18 @@ class LostContactActions:
         return Marker(acoustic=self._address, call=each.loss).encode()
 
     def _notify(self, each: _Attempts, state: str, detail: str) -> None:
-        self._tell(LostContactNotice(name=each.action.rule.name, state=state, detail=detail))
+        name = each.action.rule.name
+        self._tell(
+            notice(
+                "lost_contact",
+                f"{name} {state}: {detail}",
+                head="contact",
+                is_trouble=state != "restored",
+                name=name,
+                state=state,
+                detail=detail,
+            )
+        )
 
     def _tell_engine(self, command: Callable[[Engine, int], object]) -> None:
         # A replaced engine says again that contact is lost, unless it knows of the answer.

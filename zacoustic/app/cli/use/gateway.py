@@ -129,17 +129,15 @@ async def _failure(gateway: "Gateway") -> None:
 
 def _log(notice: "Notice") -> None:
     """Log a notice, with its fields."""
-    import msgspec
-
     from zacoustic.app.tools.field.jsonlog import FIELDS
 
     level = logging.WARNING if notice.is_trouble else logging.INFO
     text = ", ".join(" ".join(line.split()) for line in notice.lines())
-    _logger.log(level, "%s", text, extra={FIELDS: msgspec.to_builtins(notice)})
+    _logger.log(level, "%s", text, extra={FIELDS: notice.record()})
 
 
 def _print(notice: "Notice", *, as_json: bool) -> None:
     if as_json:
-        print_json(notice, flush=True)
+        print_json(notice.record(), flush=True)
     else:
         print_text("\n".join(map(one_line, notice.lines())), flush=True)

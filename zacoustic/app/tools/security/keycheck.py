@@ -23,7 +23,7 @@ from zacoustic.seal.lives import Lives
 from zacoustic.status.node import EventsDocument
 from zacoustic.status.table import document_in
 from zacoustic.text.safetext import one_line
-from zacoustic.zenoh.gateway.notices import FORBIDDEN
+from zacoustic.zenoh.gateway.events.said import FORBIDDEN
 
 _COUNTS: Final = re.compile(r" \([0-9]+\)")
 

@@ -28,7 +28,7 @@ from zacoustic.core.transport.actions.events import ActionEvent
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.run.dispatching import Dispatcher
 from zacoustic.run.pending import CallEnd
-from zacoustic.zenoh.gateway.events.eventnotices import TOLD, EventNotices
+from zacoustic.zenoh.gateway.events.said import TOLD, said
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.status.documents.objects import Objects
@@ -57,7 +57,6 @@ class EventDispatcher(Dispatcher):
         objects: Take progress of objects.
         network: Sees engines restart, and peers go and come.
         status: Records the rest, and emits notices.
-        notices: Makes the notices.
         lost_contact: Acts when contact is lost.
     """
 
@@ -68,12 +67,10 @@ class EventDispatcher(Dispatcher):
         objects: Objects,
         network: LocalNetwork,
         status: Status,
-        notices: EventNotices,
         lost_contact: LostContactActions,
     ) -> None:
         self._context = context
         self._status = status
-        self._notices = notices
         super().__init__(
             {
                 **dict.fromkeys(TOLD, (self._tell,)),
@@ -108,6 +105,6 @@ class EventDispatcher(Dispatcher):
             self._tell(event)
 
     def _tell(self, event: Event) -> None:
-        notice = self._notices.of(event)
+        notice = said(event, self._context)
         if notice is not None:
             self._status.tell(notice)

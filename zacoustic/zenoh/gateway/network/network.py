@@ -12,7 +12,7 @@ from zacoustic.run.inbox import WakeUp, tell_loop
 from zacoustic.zenoh.gateway.dialect.dialects import Dialects
 from zacoustic.zenoh.gateway.network.presence import Presence
 from zacoustic.zenoh.gateway.network.routes import Routes
-from zacoustic.zenoh.gateway.notices import Notify, RedundancyChanged, RouterChanged
+from zacoustic.zenoh.gateway.notices import Notify, notice
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
@@ -89,7 +89,9 @@ class LocalNetwork:
         ]
         if any(changed):
             self._routes.reconcile()
-            self._tell(RedundancyChanged(addresses=self.redundant.alive))
+            alive = self.redundant.alive
+            words = f"gateways on this network: {', '.join(map(str, alive))}"
+            self._tell(notice("redundant", words, addresses=alive))
         if self._dialects.settle():
             self._routes.reconcile()
         self.queries.serve()
@@ -130,7 +132,8 @@ class LocalNetwork:
     def _take_router(self, is_there: bool) -> None:
         if is_there is not self._has_router:
             self._has_router = is_there
-            self._tell(RouterChanged(state="back" if is_there else "lost"))
+            state = "back" if is_there else "lost"
+            self._tell(notice("router", state, is_trouble=not is_there, state=state))
 
     async def _in_worker(self, step: Callable[[], None]) -> None:
         with contextlib.suppress(TimeoutError, zenoh.ZError):
