@@ -1,6 +1,7 @@
 """`zacoustic topic list`, and the documents that it reads: what crosses, how often, how old."""
 
 import json
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -112,9 +113,11 @@ def test_traffic_keeps_instants_mean_times_and_what_became_of_frames() -> None:
     traffic.note(record("receive", peer=3, streams=(12,)))
     traffic.note(record("receive", peer=0, streams=(12,)))
     assert traffic.heard_at_unix_s() == {3: 1006.0}
-    traffic.note_age(12, 4.5)
+    sample: Any = SimpleNamespace(stream_id=12, age_s=4.5)
+    traffic.note_sample(sample)
     assert traffic.of_stream(12)["age_s"] == 4.5
-    traffic.note_age(12, None)
+    sample.age_s = None
+    traffic.note_sample(sample)
     assert traffic.of_stream(12)["age_s"] is None
 
 

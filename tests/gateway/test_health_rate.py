@@ -8,7 +8,6 @@ import pytest
 
 from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.gateway.status.health import BYTES_PER_S, Health
-from zacoustic.zenoh.gateway.status.report import Report
 from zacoustic.zenoh.session.session import ZenohSession
 
 TOUCHED_S = 600.0
@@ -31,6 +30,9 @@ class Fleet:
 
     def look(self) -> None:
         """Take no notice of the wall clock."""
+
+    def told(self, document: object) -> object:
+        return document
 
     def now_unix_s(self) -> float:
         return 1_750_000_000.0
@@ -64,7 +66,7 @@ def test_health_of_a_large_fleet_is_put_less_often_and_its_last_state_arrives(
         monkeypatch.setattr(loop, "time", lambda: now_s)
         monkeypatch.setattr(loop, "call_at", call_at)
         fleet = Fleet(nodes)
-        health = Health(1, cast(ZenohSession, fleet), cast(Report, fleet), cast(Dates, fleet))
+        health = Health(1, cast(ZenohSession, fleet), [fleet], cast(Dates, fleet))
         while now_s < TOUCHED_S:
             fleet.frames += 1
             health.touch()

@@ -39,8 +39,6 @@ from zacoustic.zenoh.gateway.status.framefeed import FrameFeed
 from zacoustic.zenoh.gateway.status.health import Health
 from zacoustic.zenoh.gateway.status.peer_status import PeerStatus
 from zacoustic.zenoh.gateway.status.recent_events import Announcer, RecentEvents
-from zacoustic.zenoh.gateway.status.report import Report
-from zacoustic.zenoh.gateway.status.status import Status
 from zacoustic.zenoh.gateway.status.traffic import Traffic
 from zacoustic.zenoh.gateway.streams.actions import Actions
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
@@ -143,16 +141,40 @@ class Composition:
             dates=self._dates,
             tell=self._announcer.tell,
         )
-        status = self._status(streams, routes, objects, lost_contact)
+        peers = PeerTable(self._runner, self._traffic)
+        intake = streams.topics.intake
+        status = StreamStatus(self._runner, self._traffic, lambda: routes.jobs, intake)
+        sections = (
+            self._link_status(),
+            peers,
+            status,
+            objects,
+            self._frames,
+            Dropped(self._runner, self._input_errors, intake, self._queries, self._zenoh_session),
+            self._recent_events,
+            PeerStatus(self._runner, clock=self._clock, unix_s=self._dates.unix_s),
+            lost_contact,
+        )
+        health = Health(self._redundant.address, self._zenoh_session, sections, self._dates)
         return GatewaySession(
             self._node,
             self._runner,
             network,
             streams=streams,
-            requests=RequestHandler(self._context, self._redundant, status.health),
-            status=status,
+            requests=RequestHandler(self._context, self._redundant, health),
+            health=health,
+            feed=FrameFeed(self._runner, self._zenoh_session),
+            announcer=self._announcer,
             dispatcher=EventDispatcher(
-                streams, self._context, objects, network, status, lost_contact
+                streams,
+                self._context,
+                objects,
+                network,
+                traffic=self._traffic,
+                peers=peers,
+                status=status,
+                tell=self._announcer.tell,
+                lost_contact=lost_contact,
             ),
             lost_contact=lost_contact,
         )
@@ -193,58 +215,20 @@ class Composition:
         )
         return StreamHandlers(topics, services, actions, matching)
 
-    def _status(
-        self,
-        streams: StreamHandlers,
-        routes: Routes,
-        objects: Objects,
-        lost_contact: LostContactActions,
-    ) -> Status:
-        runner, dates = self._runner, self._dates
-        journal = self._node.parts.journal
-        link = LinkStatus(
-            runner,
-            msgspec.structs.replace(self._about, started_at_unix_s=round(dates.unix_s(), 3)),
-            has_journal=not (journal is None or isinstance(journal, MemoryJournal)),
+    def _link_status(self) -> LinkStatus:
+        parts, started_at_unix_s = self._node.parts, round(self._dates.unix_s(), 3)
+        return LinkStatus(
+            self._runner,
+            msgspec.structs.replace(self._about, started_at_unix_s=started_at_unix_s),
+            has_journal=not (parts.journal is None or isinstance(parts.journal, MemoryJournal)),
             clock=self._clock,
-            dates=dates,
+            dates=self._dates,
             seal=self._node.seal.report if self._node.seal is not None else None,
             tariffs={
                 each.name: each.bonded.tariff
-                for each in self._node.parts.rules.links
+                for each in parts.rules.links
                 if each.bonded.tariff is not None
             },
-        )
-        peers = PeerTable(runner, self._traffic)
-        stream_status = StreamStatus(
-            runner, self._traffic, lambda: routes.jobs, streams.topics.intake
-        )
-        sections = (
-            link,
-            peers,
-            stream_status,
-            objects,
-            self._frames,
-            Dropped(
-                runner,
-                self._input_errors,
-                streams.topics.intake,
-                self._queries,
-                self._zenoh_session,
-            ),
-            self._recent_events,
-            PeerStatus(runner, clock=self._clock, unix_s=dates.unix_s),
-            lost_contact,
-        )
-        report = Report(sections, dates)
-        return Status(
-            report,
-            Health(self._redundant.address, self._zenoh_session, report, dates),
-            FrameFeed(runner, self._zenoh_session),
-            traffic=self._traffic,
-            peers=peers,
-            streams=stream_status,
-            announcer=self._announcer,
         )
 
     def _trace(self, record: TraceRecord) -> None:

@@ -15,7 +15,9 @@ from zacoustic.zenoh.gateway.events.dispatcher import EventDispatcher
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
 from zacoustic.zenoh.gateway.requests import RequestHandler
-from zacoustic.zenoh.gateway.status.status import Status
+from zacoustic.zenoh.gateway.status.framefeed import FrameFeed
+from zacoustic.zenoh.gateway.status.health import Health
+from zacoustic.zenoh.gateway.status.recent_events import Announcer
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 
 _logger = logging.getLogger(__name__)
@@ -30,7 +32,9 @@ class GatewaySession:
         network: The local network; left with the session.
         streams: Take local input.
         requests: Takes requests to the gateway itself.
-        status: Publishes the gateway's status.
+        health: Puts the health report.
+        feed: Puts frames while there are subscribers.
+        announcer: Emits notices.
         dispatcher: Takes the events of the engine.
         lost_contact: Acts when contact is lost.
     """
@@ -43,7 +47,9 @@ class GatewaySession:
         *,
         streams: StreamHandlers,
         requests: RequestHandler,
-        status: Status,
+        health: Health,
+        feed: FrameFeed,
+        announcer: Announcer,
         dispatcher: EventDispatcher,
         lost_contact: LostContactActions,
     ) -> None:
@@ -53,7 +59,11 @@ class GatewaySession:
         self._node = node
         self._streams = streams
         self._requests = requests
-        self._status = status
+        self._health = health
+        self._feed = feed
+        self._announcer = announcer
+        self.documents = health.documents
+        """Returns the current documents of the health report."""
         self._dispatcher = dispatcher
         self._lost_contact = lost_contact
         self._is_closing = False
@@ -72,11 +82,11 @@ class GatewaySession:
         await self.network.join()
         if self._node.is_restart:
             await self._streams.matching.have_returned()
-        await self.runner.start(self._dispatcher.deliver, self._status.health.touch)
+        await self.runner.start(self._dispatcher.deliver, self._health.touch)
         self._streams.recover(self.runner.engine.stored)
         self._node.start_ranging(self.runner)
         await self.network.open(self._declare, self._attend)
-        self._status.health.touch()
+        self._health.touch()
 
     async def close(self) -> None:
         """Stop in the order that leaves no caller waiting."""
@@ -84,7 +94,9 @@ class GatewaySession:
         self.network.queries.close()
         self._streams.close()
         self._lost_contact.close()
-        self._status.close()
+        self._announcer.close()
+        self._feed.close()
+        self._health.close()
         try:
             await self.network.settle()
             await self.runner.close()
@@ -111,10 +123,6 @@ class GatewaySession:
         if failure is not None:
             raise failure
 
-    def documents(self) -> dict[str, object]:
-        """Return the current documents of the health report."""
-        return self._status.report.documents()
-
     def _attend(self) -> None:
         """Process what Zenoh's threads have handed over; called on each wake-up."""
         if self._is_closing:
@@ -131,12 +139,12 @@ class GatewaySession:
             self._ended.set()
 
     def _declare(self) -> None:
-        self._status.feed.declare()
+        self._feed.declare()
         self._lost_contact.declare()
         self._streams.services.watch(self.network.redundant.address)
         self._requests.declare(self.network.zenoh_session, self.network.queries)
 
     def _undeclare(self) -> None:
-        self._status.feed.undeclare()
+        self._feed.undeclare()
         self._lost_contact.undeclare()
         self._requests.undeclare()

@@ -31,8 +31,11 @@ from zacoustic.run.pending import CallEnd
 from zacoustic.zenoh.gateway.events.said import TOLD, said
 from zacoustic.zenoh.gateway.lostcontact import LostContactActions
 from zacoustic.zenoh.gateway.network.network import LocalNetwork
+from zacoustic.zenoh.gateway.notices import Notify
 from zacoustic.zenoh.gateway.status.documents.objects import Objects
-from zacoustic.zenoh.gateway.status.status import Status
+from zacoustic.zenoh.gateway.status.documents.peers import PeerTable
+from zacoustic.zenoh.gateway.status.documents.streams import StreamStatus
+from zacoustic.zenoh.gateway.status.traffic import Traffic
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 from zacoustic.zenoh.requests.context import RequestContext
 
@@ -56,7 +59,10 @@ class EventDispatcher(Dispatcher):
         context: Has the requests that wait for calls and ranges.
         objects: Take progress of objects.
         network: Sees engines restart, and peers go and come.
-        status: Records the rest, and emits notices.
+        traffic: Stores the ages of samples.
+        peers: Stores introductions.
+        status: Stores outcomes, and streams that differ.
+        tell: Emits notices.
         lost_contact: Acts when contact is lost.
     """
 
@@ -66,17 +72,21 @@ class EventDispatcher(Dispatcher):
         context: RequestContext,
         objects: Objects,
         network: LocalNetwork,
-        status: Status,
+        *,
+        traffic: Traffic,
+        peers: PeerTable,
+        status: StreamStatus,
+        tell: Notify,
         lost_contact: LostContactActions,
     ) -> None:
         self._context = context
-        self._status = status
+        self._emit = tell
         super().__init__(
             {
                 **dict.fromkeys(TOLD, (self._tell,)),
                 **dict.fromkeys(get_args(ActionEvent), (streams.actions.deliver,)),
                 **dict.fromkeys(_HEARD_ELSEWHERE, ()),
-                SampleReceived: (streams.topics.deliver, status.note_sample),
+                SampleReceived: (streams.topics.deliver, traffic.note_sample),
                 RequestReceived: (streams.services.serve,),
                 ResponseReceived: (self._answer,),
                 CallFailed: (self._answer,),
@@ -85,7 +95,7 @@ class EventDispatcher(Dispatcher):
                 DeliveryEnded: (status.note_delivery,),
                 ObjectProgress: (objects.note,),
                 StreamsDiffer: (status.note_difference, self._tell),
-                PeerSeen: (status.note_peer, self._tell),
+                PeerSeen: (peers.note, status.note_peer, self._tell),
                 PeerLost: (self._tell, network.note_peer),
                 PeerFound: (self._tell, network.note_peer),
                 ContactLost: (lost_contact.lost,),
@@ -107,4 +117,4 @@ class EventDispatcher(Dispatcher):
     def _tell(self, event: Event) -> None:
         notice = said(event, self._context)
         if notice is not None:
-            self._status.tell(notice)
+            self._emit(notice)

@@ -31,7 +31,8 @@ cross the channel. A change arms the only timer, once: an idle gateway has none.
 
 import asyncio
 import math
-from typing import Final
+from collections.abc import Sequence
+from typing import Final, Protocol
 
 import msgspec
 
@@ -39,7 +40,6 @@ from zacoustic.core.base.qos import Priority
 from zacoustic.core.values.encoding import JSON
 from zacoustic.status.node import ClockDocument
 from zacoustic.zenoh.gateway.status.dates import Dates
-from zacoustic.zenoh.gateway.status.report import Report
 from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 from zacoustic.zenoh.session.session import ZenohSession
@@ -50,13 +50,21 @@ BYTES_PER_S: Final = 8_000
 """Rate of puts of a larger document, bytes per second: `peers` of 254 nodes has some 80 kB."""
 
 
+class Section(Protocol):
+    """A component with documents."""
+
+    def documents(self) -> dict[str, object]:
+        """Return its current documents, by the end of their keys."""
+        ...
+
+
 class Health:
     """The health report of one gateway, on its local network; for the loop.
 
     Args:
         address: Acoustic address of the gateway.
         zenoh_session: The session that puts it.
-        report: The documents.
+        sections: The components with documents.
         dates: Dates of the documents.
         interval_s: Minimum time between two puts of one document, s.
     """
@@ -65,14 +73,14 @@ class Health:
         self,
         address: int,
         zenoh_session: ZenohSession,
-        report: Report,
+        sections: Sequence[Section],
         dates: Dates,
         *,
         interval_s: float = INTERVAL_S,
     ) -> None:
         self._prefix = f"{PREFIX}/{address}"
         self._zenoh_session = zenoh_session
-        self._report = report
+        self._sections = tuple(sections)
         self._dates = dates
         self._times_set = 0
         self._interval_s = interval_s
@@ -87,6 +95,15 @@ class Health:
     def expression(self) -> str:
         """Key expression of all documents."""
         return f"{self._prefix}/**"
+
+    def documents(self) -> dict[str, object]:
+        """Return all current documents, by the end of their keys."""
+        self._dates.look()
+        return {
+            name: self._dates.told(document)
+            for section in self._sections
+            for name, document in section.documents().items()
+        }
 
     def touch(self) -> None:
         """Publish soon, because something has changed."""
@@ -154,5 +171,5 @@ class Health:
             f"{self._prefix}/{name}": msgspec.json.encode(
                 msgspec.to_builtins(document, str_keys=True, order="sorted")
             )
-            for name, document in self._report.documents().items()
+            for name, document in self.documents().items()
         }

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 from zacoustic.core.base.linktypes import BROADCAST, UNKNOWN_SOURCE, Service, TransmitOutcome
 from zacoustic.core.base.trace import TraceRecord
+from zacoustic.core.engine.events import SampleReceived
 
 EXCHANGES_KEPT: Final = 64
 """Number of last frames with a modem acknowledgement that the error rate to a node covers."""
@@ -72,7 +73,7 @@ class Traffic:
         self._unix_s = unix_s
         self._sent: dict[int, Pulse] = {}
         self._heard: dict[int, Pulse] = {}
-        self._ages_s: dict[int, float] = {}
+        self._ages_s: dict[int, float | None] = {}
         self._heard_at: dict[int, float] = {}
         self._received: dict[int, dict[str, dict[Service, tuple[int, int]]]] = {}
         self._exchanges: dict[int, Exchanges] = {}
@@ -95,12 +96,9 @@ class Traffic:
             case "report":
                 self._note_outcome(record.detail)
 
-    def note_age(self, stream_id: int, age_s: float | None) -> None:
+    def note_sample(self, event: SampleReceived) -> None:
         """Store the age of a sample as it arrived; None: unknown."""
-        if age_s is not None:
-            self._ages_s[stream_id] = age_s
-        else:
-            self._ages_s.pop(stream_id, None)
+        self._ages_s[event.stream_id] = event.age_s
 
     def heard_at_unix_s(self) -> dict[int, float]:
         """Return when each node was heard last, s since 1970."""
