@@ -14,11 +14,13 @@ import json
 from collections.abc import Callable, Iterable
 from functools import partial
 
+import msgspec
 import zenoh
 
 from zacoustic.app.tools.demo.networks import LocalNetwork
 from zacoustic.errors import SessionError
 from zacoustic.run.inbox import tell_loop
+from zacoustic.status.link import LedgerDocument
 
 TookLedger = Callable[[int, dict[int, int]], None]
 """``(address, bytes by stream id)``: takes the ledger of a gateway, on the loop."""
@@ -111,8 +113,8 @@ class LedgerListener:
 
     def _take(self, address: int, text: str) -> None:
         by_stream: dict[int, int] = {}
-        for entry in json.loads(text)["entries"]:
-            by_stream[entry["id"]] = by_stream.get(entry["id"], 0) + entry["bytes"]
+        for entry in msgspec.json.decode(text, type=LedgerDocument).entries:
+            by_stream[entry.id] = by_stream.get(entry.id, 0) + entry.bytes
         self._took(address, by_stream)
 
 

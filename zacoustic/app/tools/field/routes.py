@@ -2,17 +2,21 @@
 
 import asyncio
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import msgspec
+from msgspec import UNSET
 
 from zacoustic.app.tools.field.asking import Gateways, local_gateways
 from zacoustic.app.tools.field.probing import Asker
 from zacoustic.config import Config
 from zacoustic.core.base.linktypes import ONE_LINK
+from zacoustic.core.relay.relay import Hop
 from zacoustic.core.relay.route import Route
 from zacoustic.core.wire.routing import RoutingKind, RoutingRequest
 from zacoustic.errors import SessionError
+from zacoustic.status.link import RelayDocument
+from zacoustic.status.table import document_in
 from zacoustic.zenoh.node import Node
 from zacoustic.zenoh.requests.request import ANY_NODE, PREFIX
 from zacoustic.zenoh.requests.routing import ROUTING, RoutingReport
@@ -72,21 +76,11 @@ class LinkAsker(Asker):
         await asyncio.sleep(seconds)
 
 
-class HopShown(msgspec.Struct, frozen=True, kw_only=True):
+class HopShown(Hop, frozen=True, kw_only=True):
     """One hop of a route, as the gateway at its begin counts."""
 
     node: int
     """The node that transmits."""
-    next_node: int
-    """The next one."""
-    waiting: int = 0
-    """Frames that are held."""
-    transmissions: int = 0
-    """How often a frame was transmitted."""
-    passed_on: int = 0
-    """Frames that have arrived there."""
-    given_up: int = 0
-    """Frames that were given up."""
 
 
 class RouteShown(msgspec.Struct, frozen=True, kw_only=True):
@@ -118,7 +112,7 @@ async def shown_routes(config: Config, connect: Sequence[str] | None) -> list[Ro
     Raises:
         SessionError: `connect` was given, and no router can be reached there.
     """
-    documents: dict[int, Any] = {}
+    documents: dict[int, RelayDocument] = {}
     try:
         async with local_gateways(config, connect) as gateways:
             documents = await _documents(gateways.zenoh_session)
@@ -128,28 +122,21 @@ async def shown_routes(config: Config, connect: Sequence[str] | None) -> list[Ro
     return [_shown(route, documents) for route in config.rules.routes]
 
 
-async def _documents(zenoh_session: ZenohSession) -> dict[int, Any]:
+async def _documents(zenoh_session: ZenohSession) -> dict[int, RelayDocument]:
     found = await ask_all(zenoh_session, f"{PREFIX}/{ANY_NODE}/relay", timeout_s=_HERE_S)
     return {
-        int(address): msgspec.json.decode(payload)
+        int(address): document_in({"relay": msgspec.json.decode(payload)}, "relay", RelayDocument)
         for key, payload in found.answers
         if (address := key.split("/")[1]).isdecimal()
     }
 
 
-def _shown(route: Route, documents: dict[int, Any]) -> RouteShown:
+def _shown(route: Route, documents: dict[int, RelayDocument]) -> RouteShown:
     hops = [
-        HopShown(
-            node=address,
-            **{
-                name: hop[name]
-                for name in HopShown.__struct_fields__
-                if name != "node" and name in hop
-            },
-        )
+        HopShown(node=address, **msgspec.structs.asdict(hop))
         for address, document in sorted(documents.items())
-        for hop in document.get("hops", ())
-        if hop.get("route") == route.name
+        for hop in document.hops
+        if hop.route == route.name
     ]
     return RouteShown(
         id=route.route_id,
@@ -159,8 +146,8 @@ def _shown(route: Route, documents: dict[int, Any]) -> RouteShown:
         lifetime_s=route.longest_s,
         hops=tuple(hops),
         changed={
-            address: tuple(document["changed"][route.name]["path"])
+            address: document.changed[route.name].path
             for address, document in sorted(documents.items())
-            if route.name in document.get("changed", ())
+            if document.changed is not UNSET and route.name in document.changed
         },
     )

@@ -6,7 +6,6 @@ NiceGUI includes everything that the browser needs: the page works without inter
 from collections.abc import Sequence
 from typing import Any, Final
 
-from msgspec import UNSET
 from nicegui import ui
 
 from zacoustic.app.tools.pages.webpage import Banner
@@ -29,35 +28,29 @@ from zacoustic.app.tools.watch.graphdrawing import graph_legend, graph_svg, grap
 from zacoustic.app.tools.watch.lookout import Lookout
 from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
 from zacoustic.app.tools.watch.ways import (
-    by_words,
     carried_words,
     carry_words,
-    hop_words,
-    names_of,
-    nodes_words,
-    path_words,
-    reached_of,
+    reached_cells,
+    route_cells,
     routes_of,
 )
 from zacoustic.app.tools.watch.words import (
     LOSING,
     NOTHING,
     alarm_of,
-    error_words,
-    frame_words,
+    frame_cells,
     is_quiet,
     is_well,
+    link_cells,
     number_words,
-    range_words,
+    peer_cells,
     rate_words,
     share_words,
-    signal_words,
     size_words,
     state_words,
     stream_words,
     time_words,
     title_words,
-    trouble_words,
     troubled_first,
     waits_words,
 )
@@ -85,8 +78,8 @@ _PEER_COLUMNS: Final = (
     ("signal", "signal", False), ("lost", "frames lost", False), ("trouble", "", True),
 )  # fmt: skip
 _FRAME_COLUMNS: Final = (
-    ("ago", "began", False), ("what", "what", True), ("bytes", "bytes", False),
-    ("airtime", "airtime", False), ("outcome", "", True),
+    ("what", "what", True), ("bytes", "bytes", False), ("airtime", "airtime", False),
+    ("ago", "began", False), ("outcome", "", True),
 )  # fmt: skip
 _LINK_COLUMNS: Final = (
     ("link", "link", True), ("state", "state", True), ("sent", "sent", False),
@@ -282,50 +275,21 @@ def link_rows(view: GatewayView) -> list[dict[str, Any]]:
     """Return the rows of links; none for one alone."""
     if len(view.links) <= 1:
         return []
-    return [
-        {
-            "id": link.name,
-            "link": one_line(link.name),
-            "state": one_line(
-                ", ".join(filter(None, (link.state, link.detail, waits_words(link.waits))))
-            ),
-            "sent": link.frames_sent,
-            "heard": link.frames_heard,
-            "airtime": f"{link.airtime_s:.1f} s"
-            + ("" if link.paid is UNSET else f", {link.paid:.2f} paid"),
-        }
-        for link in view.links
-    ]
+    return [_row(link.name, _LINK_COLUMNS, link_cells(link)) for link in view.links]
 
 
 def route_rows(view: GatewayView) -> list[dict[str, Any]]:
     """Return the rows of routes that end at a node or pass it."""
     return [
-        {
-            "id": name,
-            "route": one_line(name),
-            "path": "passes here" if end is None else path_words(end.path),
-            "link": "" if end is None else one_line(f"{end.link} {end.link_state}"),
-            "sent": "" if end is None else end.frames_sent,
-            "heard": "" if end is None else end.frames_heard,
-            "hop": hop_words(hop),
-        }
+        _row(name, _ROUTE_COLUMNS, route_cells(name, end, hop))
         for name, end, hop in routes_of(view)
     ]
 
 
 def bond_rows(view: GatewayView) -> list[dict[str, Any]]:
     """Return the rows of lists of links, one for the nodes that are reached alike."""
-    names, in_use = names_of(view), {bond.name: bond.in_use for bond in view.bonds}
     return [
-        {
-            "id": number,
-            "bond": one_line(each.bond),
-            "in_use": one_line(in_use[each.bond] or NOTHING),
-            "by": one_line(by_words(each)),
-            "nodes": one_line(nodes_words(each, names)),
-        }
-        for number, each in enumerate(reached_of(view))
+        _row(number, _BOND_COLUMNS, cells) for number, (_, cells) in enumerate(reached_cells(view))
     ]
 
 
@@ -379,37 +343,28 @@ def stream_row(stream: StreamView) -> dict[str, Any]:
 
 def peer_row(peer: PeerView) -> dict[str, Any]:
     """Return the row of a node."""
-    return {
-        "id": peer.address,
-        "node": f"{peer.address} {peer.name}".rstrip(),
-        "heard": _unless_never(peer.heard_ago_s) or "never",
-        "heard_s": peer.heard_ago_s,
-        "range": range_words(peer),
-        "signal": signal_words(peer),
-        "lost": error_words(peer) + (" !" if (peer.per or 0) > LOSING else ""),
-        "trouble": trouble_words(peer),
-    }
+    row = _row(peer.address, _PEER_COLUMNS, peer_cells(peer))
+    row |= {"heard": _unless_never(peer.heard_ago_s) or "never", "heard_s": peer.heard_ago_s}
+    row["lost"] += " !" if (peer.per or 0) > LOSING else ""
+    return row
 
 
 def frame_rows(view: GatewayView) -> list[dict[str, Any]]:
     """Return the rows of the last frames, the one being sent on top."""
     now = [] if view.transmitting is None else [(view.transmitting, "being sent")]
-    rows = [
-        *now,
-        *((frame, frame.outcome.replace("_", " ")) for frame in view.frames[:FRAMES_SHOWN]),
-    ]
+    rows = [*now, *((frame, "") for frame in view.frames[:FRAMES_SHOWN])]
     return [
-        {
-            "id": number,
-            "ago": time_words(frame.ago_s),
-            "ago_s": frame.ago_s,
-            "what": frame_words(frame),
-            "bytes": frame.size_bytes,
-            "airtime": f"{frame.airtime_s:.2f} s",
-            "outcome": outcome,
-        }
+        _row(number, _FRAME_COLUMNS, frame_cells(frame, outcome)) | {"ago_s": frame.ago_s}
         for number, (frame, outcome) in enumerate(rows)
     ]
+
+
+def _row(
+    number: int | str, columns: Sequence[tuple[str, str, bool]], cells: Sequence[str]
+) -> dict[str, Any]:
+    """Return a row of a table; names in it are data."""
+    names = (name for name, _, _ in columns)
+    return {"id": number, **dict(zip(names, map(one_line, cells), strict=True))}
 
 
 def _figures(view: GatewayView) -> str:

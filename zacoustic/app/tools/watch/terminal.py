@@ -20,39 +20,33 @@ from rich.text import Text
 from zacoustic.app.tools.watch.crowd import gateways_in_short, peers_in_short, streams_in_short
 from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView
 from zacoustic.app.tools.watch.ways import (
-    by_words,
     carried_words,
     carry_words,
-    hop_words,
     is_poor,
-    names_of,
-    nodes_words,
-    path_words,
+    reached_cells,
     reached_of,
+    route_cells,
     routes_of,
 )
 from zacoustic.app.tools.watch.words import (
     LOSING,
     LOST_OUTCOMES,
-    NOTHING,
     OLD_S,
-    error_words,
-    frame_words,
+    frame_cells,
     is_quiet,
     is_well,
+    link_cells,
     load_words,
     now_words,
-    range_words,
+    peer_cells,
     rate_words,
     share_words,
-    signal_words,
     size_words,
     state_words,
     stream_words,
     time_words,
     title_words,
     transfer_words,
-    trouble_words,
     waits_words,
 )
 from zacoustic.core.relay.relay import Hop
@@ -203,14 +197,9 @@ def _ways(view: GatewayView) -> list[RenderableType]:
 def _links(view: GatewayView) -> Table:
     table = _table("link", "state", right=("sent", "heard", "airtime"))
     for link in view.links:
-        words = ", ".join(filter(None, (link.state, link.detail, waits_words(link.waits))))
-        table.add_row(
-            _cell(link.name or "link"),
-            _cell(words, _GOOD if link.state == "up" else _BAD),
-            str(link.frames_sent),
-            str(link.frames_heard),
-            f"{link.airtime_s:.1f} s",
-        )
+        name, state, *figures = link_cells(link)
+        style = _GOOD if link.state == "up" else _BAD
+        table.add_row(_cell(name), _cell(state, style), *figures)
     return table
 
 
@@ -221,32 +210,25 @@ def _routes(
     table = _table("route", "path", "link", right=() if is_narrow else ("sent", "heard"))
     table.add_column("worst hop from here", no_wrap=True, overflow="ellipsis")
     for name, end, hop in routes:
-        frames = ("", "") if end is None else (str(end.frames_sent), str(end.frames_heard))
-        state = "" if end is None else f"{end.link} {end.link_state}".strip()
+        route, path, link, sent, heard, worst = route_cells(name, end, hop)
         table.add_row(
-            _cell(name),
-            _cell("passes here" if end is None else path_words(end.path)),
-            _cell(state, _GOOD if end is None or end.link_state == "up" else _BAD),
-            *(() if is_narrow else frames),
-            _cell(hop_words(hop), _BAD if hop is not None and is_poor(hop) else ""),
+            _cell(route),
+            _cell(path),
+            _cell(link, _GOOD if end is None or end.link_state == "up" else _BAD),
+            *(() if is_narrow else (sent, heard)),
+            _cell(worst, _BAD if hop is not None and is_poor(hop) else ""),
         )
     return table
 
 
 def _reached(view: GatewayView) -> Table:
     """Draw by which link each node is reached, one line for those that are reached alike."""
-    table, names = _table("list of links", "in use", "last reached by", "nodes"), names_of(view)
-    in_use = {bond.name: bond.in_use for bond in view.bonds}
-    known = ""
-    for each in reached_of(view):
-        is_first, known = each.bond != known, each.bond
+    table, known = _table("list of links", "in use", "last reached by", "nodes"), ""
+    for each, (bond, in_use, by, nodes) in reached_cells(view):
+        is_first, known = bond != known, bond
         style = _BAD if each.link is None else _WEAK if each.is_doubtful else ""
-        table.add_row(
-            _cell(each.bond if is_first else ""),
-            _cell((in_use[each.bond] or NOTHING) if is_first else ""),
-            _cell(by_words(each), style),
-            _cell(nodes_words(each, names)),
-        )
+        whose = (bond, in_use) if is_first else ("", "")
+        table.add_row(*map(_cell, whose), _cell(by, style), _cell(nodes))
     return table
 
 
@@ -330,19 +312,16 @@ def _peer_table(peers: Sequence[PeerView]) -> Table:
     table = _table("node", right=("heard", "range", "signal", "frames lost"))
     table.add_column("")
     for peer in peers:
+        node, heard, far, signal, lost, trouble = peer_cells(peer)
         table.add_row(
-            _cell(f"{peer.address} {peer.name}".rstrip()),
-            Text(_heard(peer), style=_WEAK if (peer.heard_ago_s or 0) > OLD_S else ""),
-            range_words(peer),
-            signal_words(peer),
-            Text(error_words(peer), style=_WEAK if (peer.per or 0) > LOSING else ""),
-            _cell(trouble_words(peer), _BAD),
+            _cell(node),
+            Text(heard, style=_WEAK if (peer.heard_ago_s or 0) > OLD_S else ""),
+            far,
+            signal,
+            Text(lost, style=_WEAK if (peer.per or 0) > LOSING else ""),
+            _cell(trouble, _BAD),
         )
     return table
-
-
-def _heard(peer: PeerView) -> str:
-    return "never" if peer.heard_ago_s is None else f"{time_words(peer.heard_ago_s)} ago"
 
 
 def _causes(view: GatewayView) -> RenderableType:
@@ -375,13 +354,12 @@ def _frames(view: GatewayView) -> RenderableType:
     table = _table("last frames", right=("bytes", "airtime", "ago"))
     table.add_column("")
     for frame in view.frames[:FRAMES_SHOWN]:
+        what, *figures, outcome = frame_cells(frame)
         is_lost = frame.outcome in LOST_OUTCOMES
         table.add_row(
-            _cell(frame_words(frame), "cyan" if frame.way == "out" else ""),
-            str(frame.size_bytes),
-            f"{frame.airtime_s:.2f} s",
-            time_words(frame.ago_s),
-            _cell(frame.outcome.replace("_", " "), _WEAK if is_lost else _DIM),
+            _cell(what, "cyan" if frame.way == "out" else ""),
+            *figures,
+            _cell(outcome, _WEAK if is_lost else _DIM),
         )
     return table
 

@@ -80,6 +80,14 @@ def routes_of(view: GatewayView) -> list[tuple[str, RouteDocument | None, Hop | 
     ]
 
 
+def route_cells(name: str, end: RouteDocument | None, hop: Hop | None) -> tuple[str, ...]:
+    """Return what a table says of a route: name, path, link, frames sent, heard, worst hop."""
+    if end is None:
+        return name, "passes here", "", "", "", hop_words(hop)
+    link, frames = f"{end.link} {end.link_state}".strip(), (end.frames_sent, end.frames_heard)
+    return name, path_words(end.path), link, *map(str, frames), hop_words(hop)
+
+
 def carry_words(kept: CarryView) -> str:
     """Return what a node keeps of carried topics: ``3 of its own wait, 2 of them in custody``."""
     said = [f"{kept.own} of its own wait"]
@@ -171,6 +179,18 @@ def nodes_words(reached: Reached, names: dict[int, str]) -> str:
     shown = [f"{each} {names.get(each, '')}".rstrip() for each in reached.nodes[:MOST_NODES_NAMED]]
     left = len(reached.nodes) - len(shown)
     return ", ".join(shown) + (f" and {left} more" if left else "")
+
+
+def reached_cells(view: GatewayView) -> list[tuple[Reached, tuple[str, ...]]]:
+    """Return the nodes that are reached alike, and what a table says of them.
+
+    That is the list of links, its link in use, the link that reaches them, and their names.
+    """
+    in_use, names = {bond.name: bond.in_use for bond in view.bonds}, names_of(view)
+    return [
+        (each, (each.bond, in_use[each.bond] or NOTHING, by_words(each), nodes_words(each, names)))
+        for each in reached_of(view)
+    ]
 
 
 def names_of(view: GatewayView) -> dict[int, str]:

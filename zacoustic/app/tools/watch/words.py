@@ -3,10 +3,13 @@
 from collections.abc import Sequence
 from typing import Final
 
+from msgspec import UNSET
+
 from zacoustic.app.tools.pages.truth import Alarm
 from zacoustic.app.tools.watch.views import (
     FrameView,
     GatewayView,
+    LinkView,
     PeerView,
     StreamView,
     TransferView,
@@ -147,6 +150,14 @@ def waits_words(waits: WaitsView | None) -> str:
     return f"next frame waits: {waits.why}{left}"
 
 
+def link_cells(link: LinkView) -> tuple[str, ...]:
+    """Return what a table says of a link: name, state, frames sent, heard, airtime."""
+    state = ", ".join(filter(None, (link.state, link.detail, waits_words(link.waits))))
+    paid = "" if link.paid is UNSET else f", {link.paid:.2f} paid"
+    airtime = f"{link.airtime_s:.1f} s{paid}"
+    return link.name or "link", state, str(link.frames_sent), str(link.frames_heard), airtime
+
+
 def load_words(view: GatewayView) -> str:
     """Return the utilisation in words."""
     if view.utilisation is None:
@@ -182,6 +193,14 @@ def error_words(peer: PeerView) -> str:
     return NOTHING if peer.per is None else f"{share_words(peer.per)} of {peer.exchanges}"
 
 
+def peer_cells(peer: PeerView) -> tuple[str, ...]:
+    """Return what a table says of a node: name, when heard, range, signal, frames lost, fault."""
+    heard = "never" if peer.heard_ago_s is None else f"{time_words(peer.heard_ago_s)} ago"
+    node = f"{peer.address} {peer.name}".rstrip()
+    signal, lost = signal_words(peer), error_words(peer)
+    return node, heard, range_words(peer), signal, lost, trouble_words(peer)
+
+
 def trouble_words(peer: PeerView) -> str:
     """Return the fault of a node; empty: none."""
     words = ["LOST"] if peer.is_lost else []
@@ -206,6 +225,22 @@ def frame_words(frame: FrameView) -> str:
     peer = "all" if frame.peer is None else str(frame.peer)
     where = f"→ {peer}" if frame.way == "out" else f"← {'?' if frame.peer is None else peer}"
     return f"{where}: {', '.join(frame.streams) or 'acknowledgements and the like'}"
+
+
+def frame_cells(frame: FrameView, outcome: str = "") -> tuple[str, ...]:
+    """Return what a table says of a frame: contents, bytes, airtime, age, outcome.
+
+    Args:
+        frame: The frame.
+        outcome: What stands for its outcome; empty: what its modem has reported.
+    """
+    return (
+        frame_words(frame),
+        str(frame.size_bytes),
+        f"{frame.airtime_s:.2f} s",
+        time_words(frame.ago_s),
+        outcome or frame.outcome.replace("_", " "),
+    )
 
 
 def now_words(view: GatewayView) -> str:

@@ -44,6 +44,7 @@ from zacoustic.run.recording.samples import (
 from zacoustic.run.recording.schemas import as_json
 from zacoustic.run.recording.values import encode_value, ros_channel
 from zacoustic.run.recording.writing import RecordingFile
+from zacoustic.status.peers import PositionDocument, RangeDocument
 from zacoustic.zenoh.gateway.dialect.translation import from_local
 from zacoustic.zenoh.node.onzenoh.session import session_config
 from zacoustic.zenoh.requests.request import PREFIX
@@ -54,21 +55,6 @@ _ASK_S = 2.0
 _PEER = re.compile(rf"{PREFIX}/(\d{{1,3}})/peer/(\d{{1,3}})/(range|position)")
 
 _logger = logging.getLogger(__name__)
-
-
-class _Range(msgspec.Struct):
-    """What a document has of a range."""
-
-    propagation_s: float
-    range_m: float | None = None
-
-
-class _Position(msgspec.Struct):
-    """What a document has of a position."""
-
-    east_m: float
-    north_m: float
-    up_m: float
 
 
 class RecordedKeys(msgspec.Struct, kw_only=True):
@@ -221,11 +207,15 @@ class NetworkRecorder:
         node, peer, what = int(found[1]), int(found[2]), found[3]
         with contextlib.suppress(msgspec.DecodeError, msgspec.ValidationError):
             if what == "range":
-                told = msgspec.json.decode(document, type=_Range)
-                range_m = told.range_m or told.propagation_s * NOMINAL_M_S
-                self._panels.measured_range(node, peer, range_m, now_ns)
-            else:
-                at = msgspec.json.decode(document, type=_Position)
+                told = msgspec.json.decode(document, type=RangeDocument)
+                range_m = told.range_m
+                if range_m is None and told.propagation_s is not None:
+                    range_m = told.propagation_s * NOMINAL_M_S
+                if range_m is not None:
+                    self._panels.measured_range(node, peer, range_m, now_ns)
+                return
+            at = msgspec.json.decode(document, type=PositionDocument)
+            if at.east_m is not None and at.north_m is not None and at.up_m is not None:
                 self._panels.measured_position(node, peer, at.east_m, at.north_m, at.up_m, now_ns)
 
     def _channel(self, topic: str, make: Callable[[], Channel]) -> Channel:
