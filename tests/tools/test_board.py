@@ -48,22 +48,22 @@ def test_rates_slow_down_and_ages_grow_while_nothing_comes() -> None:
 def test_word_of_a_frame_that_waits_holds_as_long_as_it_is_true() -> None:
     clock = Clock()
     board = board_at(clock)
-    assert board.view(2).waits is None
+    assert board.view(2).whole.waits is None
     take(board, "link", LINK | {"waits": {"why": "slot", "until_unix_s": 1003.2}})
-    assert board.view(2).waits == WaitsView(why="slot", until_unix_s=1003.2, left_s=3.2)
+    assert board.view(2).whole.waits == WaitsView(why="slot", until_unix_s=1003.2, left_s=3.2)
     clock.now_s += 4
-    assert board.view(2).waits == WaitsView(why="slot", until_unix_s=1003.2, left_s=0.0)
+    assert board.view(2).whole.waits == WaitsView(why="slot", until_unix_s=1003.2, left_s=0.0)
     clock.now_s += 2
-    assert board.view(2).waits is None, "it is over, and the gateway has not told anything new"
+    assert board.view(2).whole.waits is None, "it is over, and nothing new has been told"
     take(board, "link", LINK | {"waits": {"why": "carrier", "until_unix_s": None}})
-    assert board.view(2).waits == WaitsView(why="carrier", left_s=None)
+    assert board.view(2).whole.waits == WaitsView(why="carrier", left_s=None)
     assert board.view(2).links[0].waits == WaitsView(why="carrier", left_s=None)
     board.note_alive(2, is_alive=False)
-    assert board.view(2).waits is None, "nobody knows what a gateway does that is gone"
+    assert board.view(2).whole.waits is None, "nobody knows what a gateway does that is gone"
     assert board.view(2).links[0].waits is None
     board.note_alive(2, is_alive=True)
     take(board, "link", LINK | {"waits": None})
-    assert board.view(2).waits is None
+    assert board.view(2).whole.waits is None
 
 
 def test_utilisation_is_that_of_the_window_once_it_was_watched() -> None:
@@ -136,11 +136,12 @@ def test_what_is_no_document_is_counted_or_left_alone() -> None:
     assert board.addresses() == []
     board.take("@acoustic/2/link", b"rubbish")
     board.take("@acoustic/2/link", b'{"state": 3}')
-    assert board.unreadable == 2
+    board.take("@acoustic/2/link", b'{"diagnostics": ' + b"[" * 100_000)
+    assert board.unreadable == 3
     for key in ("@acoustic/2", "other/2/link", "@acoustic/x/link", "@acoustic/2/peer/x/range",
                 "@acoustic/2/peer/3/what", "@acoustic/2/nothing"):  # fmt: skip
         board.take(key, b"rubbish")
-    assert board.unreadable == 2
+    assert board.unreadable == 3
     board.note_alive(2, is_alive=False)
     assert board.views() == []
     board = board_at(Clock())

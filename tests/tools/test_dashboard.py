@@ -22,6 +22,7 @@ from zacoustic.app.tools.watch.drawing import (
 from zacoustic.app.tools.watch.history import SPAN_S, STEP_S, History, Point
 from zacoustic.app.tools.watch.lookout import Lookout
 from zacoustic.app.tools.watch.page import Page, frame_rows, peer_row, stream_row
+from zacoustic.app.tools.watch.views import GatewayView
 from zacoustic.app.tools.watch.words import alarm_of, troubled_first
 from zacoustic.errors import SessionError
 
@@ -294,17 +295,21 @@ def test_bars_are_as_long_as_the_shares() -> None:
 
 
 def test_history_is_the_share_of_the_time_on_the_air_and_is_bounded() -> None:
-    history = History()
-    view = msgspec.structs.replace(full_view(), airtime_s=0.0)
+    history, view = History(), full_view()
+
+    def at(unix_s: float, airtime_s: float) -> GatewayView:
+        whole = msgspec.structs.replace(view.whole, airtime_s=airtime_s)
+        return msgspec.structs.replace(view, unix_s=unix_s, whole=whole)
+
     for step in range(1000):
         second = step * STEP_S
-        now = msgspec.structs.replace(view, unix_s=second, airtime_s=second * 0.25)
+        now = at(second, second * 0.25)
         history.note(now)
         history.note(now)  # another browser's look adds nothing
     assert len(history.points) == SPAN_S / STEP_S
     assert {point.share for point in history.points} == {0.25}
-    history.note(msgspec.structs.replace(view, unix_s=3000.0, airtime_s=0.5))  # restarted
-    history.note(msgspec.structs.replace(view, unix_s=3002.0, airtime_s=1.5))
+    history.note(at(3000.0, 0.5))  # restarted
+    history.note(at(3002.0, 1.5))
     assert history.points[-1].share == 0.5
 
 

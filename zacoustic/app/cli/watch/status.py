@@ -40,14 +40,13 @@ class StatusCommand(Command):
 
 
 async def _show(arguments: argparse.Namespace) -> int:
-    from zacoustic.app.tools.watch.statustext import status_of, status_text
-    from zacoustic.app.tools.watch.views import told
+    from zacoustic.app.tools.watch.statustext import goes_well, status_of, status_text
 
     async with make_watch(arguments) as watch:
         views = chosen(watch, arguments.node)
     for view in views:
         if arguments.json:
-            print_json(told(status_of(view)))
+            print_json(status_of(view))
         else:
             print_text(status_text(view))
-    return EXIT_OK if all(status_of(view).is_well for view in views) else EXIT_FAILED
+    return EXIT_OK if all(goes_well(view) for view in views) else EXIT_FAILED

@@ -104,7 +104,7 @@ class Board:
             return
         try:
             document = msgspec.json.decode(payload, type=kind)
-        except msgspec.MsgspecError:
+        except (msgspec.MsgspecError, RecursionError):  # anybody can put a key
             self.unreadable += 1
             return
         board = self._boards.setdefault(int(chunks[1]), _GatewayBoard(int(chunks[1])))
@@ -212,7 +212,6 @@ class _GatewayBoard:
         channel = self._get("channel", ChannelDocument)
         utilisation, window_s = self._utilisation(link, node, unix_s, there_s)
         links, bonds = self._links(link, there_s), self._bonds()
-        capabilities = link.capabilities
         return _more(
             GatewayView,
             node,
@@ -221,8 +220,9 @@ class _GatewayBoard:
             is_alive=self._gone_at_s is None,
             gone_s=_ago(self._gone_at_s, unix_s),
             uptime_s=_ago(node.started_at_unix_s, there_s),
-            link_state=link.state,
-            link_detail=link.detail,
+            doubt=journal.doubt or node.doubt,
+            whole=self._link(link, there_s),
+            modem=modem,
             links=links,
             routes=tuple(
                 msgspec.structs.replace(route, name=name)
@@ -231,24 +231,12 @@ class _GatewayBoard:
             hops=tuple(self._get("relay", RelayDocument).hops[:MOST_NAMED]),
             bonds=bonds,
             carry=self._carry(there_s),
-            is_silent=link.is_silent,
-            why_silent=link.why_silent,
-            mtu_bytes=capabilities.mtu_bytes if capabilities else None,
-            bit_rate_bps=capabilities.bit_rate_bps if capabilities else None,
-            battery_v=modem.battery_v,
-            firmware=modem.firmware,
             journal=journal.failure or ("kept" if journal.kept else "none"),
-            journal_doubt=journal.doubt,
             digest=streams.digest,
-            frames_sent=link.frames_sent,
-            frames_heard=link.frames_heard,
             frames_damaged=sum(dropped.channel.get(reason, 0) for reason in _DAMAGED),
-            bytes_sent=link.bytes_sent,
-            airtime_s=round(link.airtime_s, 3),
             utilisation=utilisation,
             window_s=round(window_s, 1),
             waiting=sum(row.waiting for row in streams.streams),
-            waits=self._waits(link, there_s),
             streams=tuple(self._stream(row, streams, dropped, there_s) for row in streams.streams),
             peers=self._peers(links, bonds, there_s),
             causes=self._causes(),
@@ -325,15 +313,17 @@ class _GatewayBoard:
         """Return each of several links, or the only one."""
         named: dict[str, LinkDocument] = self._named("link") or {only.name: only}
         return tuple(
-            _more(
-                LinkView,
-                link,
-                name=name,
-                airtime_s=round(link.airtime_s, 3),
-                waits=self._waits(link, there_s),
-                ledger=UNSET,  # the gateway's has all of it
-            )
+            self._link(msgspec.structs.replace(link, name=name), there_s)
             for name, link in named.items()
+        )
+
+    def _link(self, link: LinkDocument, there_s: float) -> LinkView:
+        return _more(
+            LinkView,
+            link,
+            airtime_s=round(link.airtime_s, 3),
+            waits=self._waits(link, there_s),
+            ledger=UNSET,  # the gateway's has all of it
         )
 
     def _carry(self, there_s: float) -> CarryView | None:

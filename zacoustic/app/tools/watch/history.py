@@ -34,14 +34,14 @@ class History:
     def note(self, view: GatewayView) -> None:
         """Take a present view; ignored if it is too early for a point."""
         counted = self._counted
-        if counted and view.airtime_s < counted[-1][1]:
+        if counted and view.whole.airtime_s < counted[-1][1]:
             counted.clear()  # it was restarted: counters begin at 0
         if counted and view.unix_s - counted[-1][0] < STEP_S * 0.9:
             return
-        counted.append((view.unix_s, view.airtime_s))
+        counted.append((view.unix_s, view.whole.airtime_s))
         while len(counted) > 2 and counted[1][0] <= view.unix_s - _SMOOTHED_S:
             counted.popleft()
         began_s, airtime_s = counted[0]
         if view.unix_s > began_s:
-            share = (view.airtime_s - airtime_s) / (view.unix_s - began_s)
+            share = (view.whole.airtime_s - airtime_s) / (view.unix_s - began_s)
             self.points.append(Point(view.unix_s, round(min(max(share, 0.0), 1.0), 4)))

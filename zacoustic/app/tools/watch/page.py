@@ -38,6 +38,7 @@ from zacoustic.app.tools.watch.words import (
     LOSING,
     NOTHING,
     alarm_of,
+    capability_words,
     frame_cells,
     is_quiet,
     is_well,
@@ -372,16 +373,16 @@ def _figures(view: GatewayView) -> str:
     journal = "bad" if view.journal not in ("kept", "none") else ""
     window = f"of the last {time_words(view.window_s)}" if view.window_s else ""
     busy = "warn" if (view.utilisation or 0) > 0.5 else ""
-    sent = f"{size_words(view.bytes_sent)}, {view.airtime_s:.0f} s"
+    sent = f"{size_words(view.whole.bytes_sent)}, {view.whole.airtime_s:.0f} s"
     figures = [
         figure("on the air", share_words(view.utilisation), note=window, kind=busy),
         figure(
             "waiting",
             str(view.waiting),
-            note=one_line(waits_words(view.waits)) or "samples, calls, goals",
+            note=one_line(waits_words(view.whole.waits)) or "samples, calls, goals",
         ),
-        figure("frames sent", str(view.frames_sent), note=sent),
-        figure("frames heard", str(view.frames_heard), note=damaged or "none damaged",
+        figure("frames sent", str(view.whole.frames_sent), note=sent),
+        figure("frames heard", str(view.whole.frames_heard), note=damaged or "none damaged",
                kind="warn" if damaged else ""),
         figure("journal", view.journal, kind=journal),
         figure("runs for", time_words(view.uptime_s), note=f"zacoustic {view.version}"),
@@ -391,16 +392,16 @@ def _figures(view: GatewayView) -> str:
         figures.append(
             figure("carried", str(kept.own + kept.carried), note=carry_words(kept), kind=busy)
         )
-    if view.battery_v is not None:
-        figures.append(figure("modem", number_words(view.battery_v, "V"), note=view.firmware))
+    if view.modem.battery_v is not None:
+        figures.append(
+            figure("modem", number_words(view.modem.battery_v, "V"), note=view.modem.firmware)
+        )
     return f'<div style="display:flex;gap:.6rem;flex-wrap:wrap">{"".join(figures)}</div>'
 
 
 def _modem_words(view: GatewayView) -> str:
     words = [view.link, view.wire]
-    if view.mtu_bytes and view.bit_rate_bps:
-        words.append(f"{view.mtu_bytes} B at {view.bit_rate_bps:.0f} bit/s")
-    words.append(f"table {view.digest}" if view.digest else "")
+    words += [capability_words(view.whole), f"table {view.digest}" if view.digest else ""]
     return " · ".join(word for word in words if word)
 
 

@@ -1,18 +1,12 @@
 """A gateway in ten lines: link, load, nodes, and the streams that fail; a table of nodes."""
 
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import Any, Final
 
 import msgspec
 
 from zacoustic.app.tools.columns import align, shortened, shortened_apart
-from zacoustic.app.tools.watch.views import (
-    CarryView,
-    GatewayView,
-    PeerView,
-    StreamView,
-    WaitsView,
-)
+from zacoustic.app.tools.watch.views import GatewayView, PeerView, StreamView, told
 from zacoustic.app.tools.watch.ways import carried_words
 from zacoustic.app.tools.watch.words import (
     NOTHING,
@@ -70,79 +64,56 @@ class HeardNode(msgspec.Struct, frozen=True, kw_only=True):
     """Its fault, in words; empty: none."""
 
 
-class Status(msgspec.Struct, frozen=True, kw_only=True):
-    """The state of one gateway, shortened."""
-
-    address: int
-    """Acoustic address."""
-    name: str
-    """Name in the table."""
-    is_well: bool
-    """The link is up and transmits, the journal is kept, and no stream is stopped."""
-    state: str
-    """State of the link in words."""
-    link: str
-    """Locator of the modem."""
-    uptime_s: float | None
-    """Time since the start, s."""
-    utilisation: float | None
-    """Share of the time on the air, 0…1; None: unknown yet."""
-    frames_sent: int
-    """Frames sent."""
-    frames_heard: int
-    """Received frames."""
-    frames_damaged: int
-    """Damaged ones among them."""
-    waiting: int
-    """Waiting samples, calls and goals."""
-    waits: WaitsView | None
-    """Why the next frame waits; None: nothing waits."""
-    nodes: tuple[HeardNode, ...]
-    """The other nodes, the last heard first."""
-    carry: CarryView | None
-    """What it keeps of carried topics; None: it takes no part in any."""
-    failing: tuple[FailingStream, ...]
-    """The streams that fail, stopped ones first."""
+_MEMBERS: Final = (
+    "address", "name", "link", "uptime_s", "utilisation", "frames_sent", "frames_heard",
+    "frames_damaged", "waiting", "waits", "carry",
+)  # fmt: skip
+"""Members of a view that its status has as well."""
 
 
-def status_of(view: GatewayView) -> Status:
-    """Return the status of a gateway."""
-    failing = sorted(_failing(view.streams), key=lambda each: not each.is_stopped)
+def status_of(view: GatewayView) -> dict[str, Any]:
+    """Return the status of a gateway as JSON holds it.
+
+    That is some members of its view, its ``state`` in words, ``is_well``, the other ``nodes``, the
+    last heard first, and the streams that are ``failing``, stopped ones first.
+    """
+    shown = told(view)
+    return {name: shown[name] for name in _MEMBERS} | {
+        "is_well": goes_well(view),
+        "state": state_words(view),
+        "nodes": [told(each) for each in nodes_of(view)],
+        "failing": [told(each) for each in failing_of(view)],
+    }
+
+
+def goes_well(view: GatewayView) -> bool:
+    """Tell whether nothing prevents transmission, and no stream is stopped."""
+    return is_well(view) and not any(each.is_stopped for each in failing_of(view))
+
+
+def failing_of(view: GatewayView) -> list[FailingStream]:
+    """Return the streams that fail, stopped ones first."""
+    return sorted(_failing(view.streams), key=lambda each: not each.is_stopped)
+
+
+def nodes_of(view: GatewayView) -> list[HeardNode]:
+    """Return the other nodes, the last heard first."""
+    nodes = [
+        HeardNode(
+            address=peer.address,
+            name=peer.name,
+            heard_ago_s=peer.heard_ago_s,
+            trouble=trouble_words(peer),
+        )
+        for peer in view.peers
+    ]
     never = float("inf")
-    peers = sorted(
-        view.peers, key=lambda peer: never if peer.heard_ago_s is None else peer.heard_ago_s
-    )
-    return Status(
-        address=view.address,
-        name=view.name,
-        is_well=is_well(view) and not any(each.is_stopped for each in failing),
-        state=state_words(view),
-        link=view.link,
-        uptime_s=view.uptime_s,
-        utilisation=view.utilisation,
-        frames_sent=view.frames_sent,
-        frames_heard=view.frames_heard,
-        frames_damaged=view.frames_damaged,
-        waiting=view.waiting,
-        waits=view.waits,
-        nodes=tuple(
-            HeardNode(
-                address=peer.address,
-                name=peer.name,
-                heard_ago_s=peer.heard_ago_s,
-                trouble=trouble_words(peer),
-            )
-            for peer in peers
-        ),
-        carry=view.carry,
-        failing=tuple(failing),
-    )
+    return sorted(nodes, key=lambda each: never if each.heard_ago_s is None else each.heard_ago_s)
 
 
 def status_text(view: GatewayView) -> str:
     """Return a gateway in about ten lines."""
-    status = status_of(view)
-    return "\n".join(_cut(one_line(line)) for line in _lines(view, status))
+    return "\n".join(_cut(one_line(line)) for line in _lines(view))
 
 
 def nodes_text(view: GatewayView) -> str:
@@ -160,29 +131,30 @@ def nodes_text(view: GatewayView) -> str:
     return "\n".join([head, table, *notes])
 
 
-def _lines(view: GatewayView, status: Status) -> Iterator[str]:
-    yield f"gateway {title_words(view)}: {status.state}"
-    runs = f"the gateway runs for {time_words(status.uptime_s)}"
-    yield f"  link     {status.link or NOTHING}: {view.link_state}; {runs}"
-    damaged = f" ({status.frames_damaged} damaged)" if status.frames_damaged else ""
-    counts = f"{status.frames_sent} frames sent, {status.frames_heard} heard{damaged}"
+def _lines(view: GatewayView) -> Iterator[str]:
+    nodes, failing = nodes_of(view), failing_of(view)
+    yield f"gateway {title_words(view)}: {state_words(view)}"
+    runs = f"the gateway runs for {time_words(view.uptime_s)}"
+    yield f"  link     {view.link or NOTHING}: {view.whole.state}; {runs}"
+    damaged = f" ({view.frames_damaged} damaged)" if view.frames_damaged else ""
+    counts = f"{view.whole.frames_sent} frames sent, {view.whole.frames_heard} heard{damaged}"
     yield f"  on air   {load_words(view)}; {counts}"
-    why = waits_words(status.waits)
-    waiting = f"{status.waiting} samples, calls and goals" if status.waiting else ""
+    why = waits_words(view.whole.waits)
+    waiting = f"{view.waiting} samples, calls and goals" if view.waiting else ""
     if why or waiting:
         yield f"  waiting  {'; '.join(filter(None, (waiting, why)))}"
-    for node in status.nodes[:_MOST_NODES]:
+    for node in nodes[:_MOST_NODES]:
         heard = "never heard" if node.heard_ago_s is None else f"{time_words(node.heard_ago_s)} ago"
         trouble = f", {node.trouble}" if node.trouble else ""
         yield f"  node     {node.address} {node.name}: {heard}{trouble}"
-    if not status.nodes:
+    if not nodes:
         yield "  node     nobody was heard yet"
-    yield from _more(len(status.nodes) - _MOST_NODES, "zacoustic nodes")
+    yield from _more(len(nodes) - _MOST_NODES, "zacoustic nodes")
     yield from _carried_lines(view)
-    for stream in status.failing[:_MOST_STREAMS]:
+    for stream in failing[:_MOST_STREAMS]:
         yield f"  fails    {stream.name}: {stream.why}"
-    yield from _more(len(status.failing) - _MOST_STREAMS, "zacoustic topic list")
-    if not status.failing:
+    yield from _more(len(failing) - _MOST_STREAMS, "zacoustic topic list")
+    if not failing:
         yield "  streams  none fails"
 
 

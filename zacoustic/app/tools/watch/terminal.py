@@ -32,12 +32,14 @@ from zacoustic.app.tools.watch.words import (
     LOSING,
     LOST_OUTCOMES,
     OLD_S,
+    capability_words,
     frame_cells,
     is_quiet,
     is_well,
     link_cells,
     load_words,
     now_words,
+    number_words,
     peer_cells,
     rate_words,
     share_words,
@@ -152,19 +154,19 @@ def _gateway(view: GatewayView, *, is_complete: bool) -> RenderableType:
 
 def _head(view: GatewayView) -> RenderableType:
     state = _cell(state_words(view), _GOOD if is_well(view) else _BAD)
-    modem = [view.link, view.wire, *([view.firmware] if view.firmware else [])]
-    if view.mtu_bytes and view.bit_rate_bps:
-        modem.append(f"{view.mtu_bytes} B at {view.bit_rate_bps:.0f} bit/s")
-    if view.battery_v is not None:
-        modem.append(f"{view.battery_v:.1f} V")
+    modem = [view.link, view.wire, *([view.modem.firmware] if view.modem.firmware else [])]
+    modem.append(capability_words(view.whole))
+    if view.modem.battery_v is not None:
+        modem.append(number_words(view.modem.battery_v, "V"))
     state.append_text(_cell(f"   {' · '.join(word for word in modem if word)}", _DIM))
     line = Text("on the air ", style=_DIM)
     line.append(load_words(view), style=_WEAK if (view.utilisation or 0) > 0.5 else "")
     damaged = f", {view.frames_damaged} damaged" if view.frames_damaged else ""
-    line.append(f"   frames {view.frames_sent} sent, {view.frames_heard} heard{damaged}")
+    whole = view.whole
+    line.append(f"   frames {whole.frames_sent} sent, {whole.frames_heard} heard{damaged}")
     line.append(f"   {view.waiting} waiting", style=_WEAK if view.waiting else "")
-    if view.waits is not None:
-        line.append_text(_cell(f"   {waits_words(view.waits)}", _WEAK))
+    if whole.waits is not None:
+        line.append_text(_cell(f"   {waits_words(whole.waits)}", _WEAK))
     line.append_text(_cell(f"   {now_words(view)}" if view.transmitting else "", "cyan"))
     line.append_text(_cell(f"   journal {view.journal}, runs {time_words(view.uptime_s)}", _DIM))
     return Group(state, line, *_carried(view))
@@ -375,8 +377,7 @@ def _events(view: GatewayView) -> RenderableType:
     dropped = ", ".join(f"{count} {reason}" for reason, count in sorted(view.dropped.items()))
     if dropped:
         lines.append(_cell(f"dropped off the channel: {dropped}", _WEAK))
-    if view.bytes_sent:
-        lines.append(
-            Text(f"{size_words(view.bytes_sent)} in {view.airtime_s:.1f} s of airtime", style=_DIM)
-        )
+    if size_bytes := view.whole.bytes_sent:
+        used = f"{size_words(size_bytes)} in {view.whole.airtime_s:.1f} s of airtime"
+        lines.append(Text(used, style=_DIM))
     return Group(*lines)

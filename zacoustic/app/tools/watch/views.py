@@ -21,7 +21,7 @@ from zacoustic.status.link import (
     RouteDocument,
     WaitsDocument,
 )
-from zacoustic.status.node import EventRow, NodeDocument
+from zacoustic.status.node import EventRow, ModemDocument, NodeDocument
 from zacoustic.status.peers import PeerFigures, ReceivedRow
 from zacoustic.status.streams import StreamRow
 
@@ -177,10 +177,10 @@ class GatewayView(NodeDocument, frozen=True, kw_only=True):
     """Time for which it has not, s; None: it does."""
     uptime_s: float | None
     """Time since its start, s."""
-    link_state: str
-    """``up``, ``down`` or ``opening``."""
-    link_detail: str
-    """What it waits for."""
+    whole: LinkView
+    """Counters of all its links; the rest is that of the first one."""
+    modem: ModemDocument
+    """What its modem reports of itself."""
     links: tuple[LinkView, ...]
     """Each of its links, by name."""
     routes: tuple[RouteDocument, ...]
@@ -191,42 +191,18 @@ class GatewayView(NodeDocument, frozen=True, kw_only=True):
     """Lists of links, by name."""
     carry: CarryView | None = None
     """Its carried samples; None: no topic is carried."""
-    is_silent: bool
-    """Transmit silence is in force."""
-    why_silent: str = ""
-    """Its reason, one line."""
-    mtu_bytes: int | None
-    """Largest frame, bytes."""
-    bit_rate_bps: float | None
-    """Acoustic bit rate, bit/s."""
-    battery_v: float | None
-    """Supply voltage of the modem, V."""
-    firmware: str
-    """Firmware of the modem."""
     journal: str
     """``kept``, ``none``, or why it cannot be written."""
-    journal_doubt: str
-    """Why it may lack the last writes; empty: it does not."""
     digest: str
     """Digest of the stream table."""
-    frames_sent: int
-    """Frames given to the modem."""
-    frames_heard: int
-    """Received frames, including damaged ones."""
     frames_damaged: int
     """Damaged frames among them."""
-    bytes_sent: int
-    """Bytes of the frames sent."""
-    airtime_s: float
-    """Their airtime, s."""
     utilisation: float | None
     """Share of the time that it was on the air, over `window_s`, 0…1; None: unknown yet."""
     window_s: float
     """Observed time, s."""
     waiting: int
     """Waiting samples, calls and goals of all streams."""
-    waits: WaitsView | None = None
-    """Why the next frame of the first link waits; None: nothing waits, or the gateway is gone."""
     streams: tuple[StreamView, ...]
     """The streams by id."""
     peers: tuple[PeerView, ...]
@@ -247,6 +223,10 @@ class GatewayView(NodeDocument, frozen=True, kw_only=True):
 
 def told(part: Any) -> Any:  # noqa: ANN401 (what JSON holds)
     """Return a view as JSON holds it: each member by its name here, null where it is unset."""
+    if isinstance(part, GatewayView):
+        members = {name: told(getattr(part, name)) for name in part.__struct_fields__}
+        members |= _of_link(members.pop("whole")) | members.pop("modem")
+        return members | {"journal_doubt": members["doubt"]}
     if isinstance(part, msgspec.Struct):
         return {name: told(getattr(part, name)) for name in part.__struct_fields__}
     if isinstance(part, dict):
@@ -254,3 +234,17 @@ def told(part: Any) -> Any:  # noqa: ANN401 (what JSON holds)
     if isinstance(part, (list, tuple)):
         return [told(each) for each in part]
     return None if part is UNSET else msgspec.to_builtins(part)
+
+
+def _of_link(whole: dict[str, Any]) -> dict[str, Any]:
+    """Return what the JSON of a gateway has of its link."""
+    can = whole["capabilities"] or {}
+    same = ("is_silent", "why_silent", "frames_sent", "frames_heard", "bytes_sent", "airtime_s")
+    return {
+        "link_state": whole["state"],
+        "link_detail": whole["detail"],
+        "mtu_bytes": can.get("mtu_bytes"),
+        "bit_rate_bps": can.get("bit_rate_bps"),
+        "waits": whole["waits"],
+        **{name: whole[name] for name in same},
+    }

@@ -92,17 +92,17 @@ def state_words(view: GatewayView) -> str:
     """Return the state in a few words, with what prevents transmission first."""
     if not view.is_alive:
         return "gone: it does not answer on this network"
-    words = [f"link {view.link_state}"]
-    if view.link_detail:
-        words.append(view.link_detail)
-    if view.is_silent:
-        words.append(f"SILENT: {view.why_silent}" if view.why_silent else _SILENT)
+    words = [f"link {view.whole.state}"]
+    if view.whole.detail:
+        words.append(view.whole.detail)
+    if view.whole.is_silent:
+        words.append(f"SILENT: {view.whole.why_silent}" if view.whole.why_silent else _SILENT)
     if view.is_shared:
         words.append(f"ANOTHER NODE has address {view.address} too")
     if view.journal not in ("kept", "none"):
         words.append(f"journal fails: {view.journal}")
-    if view.journal_doubt:
-        words.append(f"journal in doubt: {view.journal_doubt}")
+    if view.doubt:
+        words.append(f"journal in doubt: {view.doubt}")
     return ", ".join(words)
 
 
@@ -116,9 +116,9 @@ def alarm_of(views: Sequence[GatewayView], trouble: str) -> Alarm | None:
     if trouble:
         return Alarm(f"NOT CURRENT: {trouble}")
     gone = [view for view in views if not view.is_alive]
-    down = [view for view in views if view.is_alive and view.link_state != "up"]
+    down = [view for view in views if view.is_alive and view.whole.state != "up"]
     words = [f"gateway {title_words(view)} gone" for view in gone]
-    words += [f"link of gateway {title_words(view)} {view.link_state}" for view in down]
+    words += [f"link of gateway {title_words(view)} {view.whole.state}" for view in down]
     if not words:
         return None
     if len(words) > _MOST_NAMED:
@@ -138,8 +138,9 @@ def troubled_first(streams: Sequence[StreamView]) -> list[StreamView]:
 
 def is_well(view: GatewayView) -> bool:
     """Tell whether nothing prevents transmission."""
-    is_up = view.is_alive and view.link_state == "up"
-    return is_up and not view.is_silent and not view.is_shared and view.journal in ("kept", "none")
+    link = view.whole
+    transmits = view.is_alive and link.state == "up" and not link.is_silent
+    return transmits and not view.is_shared and view.journal in ("kept", "none")
 
 
 def waits_words(waits: WaitsView | None) -> str:
@@ -148,6 +149,12 @@ def waits_words(waits: WaitsView | None) -> str:
         return ""
     left = "" if waits.left_s is None else f", {time_words(waits.left_s)} more"
     return f"next frame waits: {waits.why}{left}"
+
+
+def capability_words(link: LinkView) -> str:
+    """Return the largest frame and the bit rate of a link; empty: it has not opened yet."""
+    can = link.capabilities
+    return "" if can is None else f"{can.mtu_bytes} B at {can.bit_rate_bps:.0f} bit/s"
 
 
 def link_cells(link: LinkView) -> tuple[str, ...]:
