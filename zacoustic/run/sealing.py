@@ -13,6 +13,7 @@ from zacoustic.run.journal.lives import LifeJournal
 from zacoustic.run.journal.port import Journal
 from zacoustic.seal.keyring import Keyring, open_keyring
 from zacoustic.seal.spec import SecuritySpec
+from zacoustic.status.node import SealDocument
 
 _NO_LIFE: Final = LAST_LIFE + 1
 """The epoch of every engine that seals nothing."""
@@ -92,17 +93,17 @@ class NodeSeal:
         if key.former is not None:
             loop.call_later(self._spec.overlap_s, self._ring.cipher.end_overlap)
 
-    def report(self) -> dict[str, object]:
-        """Return its state for health and logs; contains no secret."""
+    def report(self) -> SealDocument:
+        """Return its state for the health report; contains no secret."""
         key = self._ring.key
-        return {
-            "network": key.network,
-            "generation": key.generation,
-            "fingerprint": key.fingerprint,
-            "mode": self._spec.mode.value,
-            "life": self.life,
-            "failure": self.failure,
-        }
+        return SealDocument(
+            network=key.network,
+            generation=key.generation,
+            fingerprint=key.fingerprint,
+            mode=self._spec.mode.value,
+            life=self.life,
+            failure=self.failure,
+        )
 
 
 def open_seal(spec: SecuritySpec, address: int) -> NodeSeal:

@@ -1,6 +1,7 @@
 """A gateway itself: constant facts, its journal and modem, dropped data, its last events."""
 
 import msgspec
+from msgspec import UNSET, UnsetType
 
 
 class NodeDocument(msgspec.Struct, frozen=True, kw_only=True):
@@ -33,6 +34,50 @@ class JournalDocument(msgspec.Struct, frozen=True, kw_only=True):
     """Why it cannot be written now; empty: it can."""
     doubt: str = ""
     """Why it may lack the last writes; empty: it does not."""
+
+
+class SealDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``seal``: public facts of the key and the life; there is none if frames are not sealed."""
+
+    network: str = ""
+    """Name of the fleet's key."""
+    generation: int | None = None
+    """Generation of the key."""
+    fingerprint: str = ""
+    """Fingerprint of the key."""
+    mode: str = ""
+    """Whether the node transmits or only receives."""
+    life: int | None = None
+    """Life of the node; None: it transmits nothing."""
+    failure: str = ""
+    """Why no frame is sealed; empty: they are."""
+
+
+class ContactDocument(msgspec.Struct, frozen=True, kw_only=True):
+    """``contact/NAME``: an entry of `lost_contact`."""
+
+    state: str = ""
+    """``counting``, ``lost`` (and not answered yet) or ``acted``."""
+    of: tuple[int, ...] = ()
+    """The nodes whose silence counts; empty: any other node."""
+    lost_after_s: float | None = None
+    """How long none of them is heard, s."""
+    silent_since_unix_s: float | None = None
+    """When the last frame of one of them came, or the first start."""
+    acts_at_unix_s: float | None = None
+    """When it acts if nobody is heard; None: contact is lost."""
+    call: str | UnsetType = UNSET
+    """The service that it calls; unset: it publishes."""
+    publish: str | UnsetType = UNSET
+    """The key that it publishes; unset: it calls."""
+    served: bool | None = None
+    """Somebody serves that service, or subscribes to that key, now; None: unknown."""
+    attempts: int = 0
+    """Attempts of the present loss."""
+    failure: str = ""
+    """Why the last of them has failed, one line."""
+    answer: str = ""
+    """What it was answered, one line."""
 
 
 class ModemDocument(msgspec.Struct, frozen=True, kw_only=True):

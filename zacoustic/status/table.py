@@ -17,11 +17,13 @@ from zacoustic.status.link import (
 )
 from zacoustic.status.node import (
     ClockDocument,
+    ContactDocument,
     DroppedDocument,
     EventsDocument,
     JournalDocument,
     ModemDocument,
     NodeDocument,
+    SealDocument,
 )
 from zacoustic.status.peers import (
     DirectionDocument,
@@ -48,8 +50,14 @@ _SINGLE: Final[dict[str, Any]] = {
     "events": EventsDocument,
     "modem": ModemDocument,
     "clock": ClockDocument,
+    "seal": SealDocument,
 }
-NAMED: Final[dict[str, Any]] = {"link": LinkDocument, "route": RouteDocument, "bond": BondDocument}
+NAMED: Final[dict[str, Any]] = {
+    "link": LinkDocument,
+    "route": RouteDocument,
+    "bond": BondDocument,
+    "contact": ContactDocument,
+}
 """Struct of each document of which there is one for each name, by the chunk before the name."""
 _OF_PEER: Final[dict[str, Any]] = {
     "range": RangeDocument,

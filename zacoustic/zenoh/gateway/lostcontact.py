@@ -21,6 +21,7 @@ from typing import Any, Final
 
 import msgspec
 import zenoh
+from msgspec import UNSET
 
 from zacoustic.config.lostcontact import LostContactAction
 from zacoustic.core.base.clock import seconds_to_ns
@@ -32,6 +33,7 @@ from zacoustic.core.values.encoding import TYPED_ENCODINGS, decode_application
 from zacoustic.errors import PayloadInvalidError
 from zacoustic.run.inbox import tell_loop
 from zacoustic.run.runner import LinkRunner
+from zacoustic.status.node import ContactDocument
 from zacoustic.zenoh.gateway.dialect.dialects import ServiceDialect
 from zacoustic.zenoh.gateway.notices import Notify, notice
 from zacoustic.zenoh.gateway.status.dates import Dates
@@ -185,21 +187,22 @@ class LostContactActions:
 
     # Below the methods above
 
-    def _document(self, each: _Attempts, countdown: Countdown) -> dict[str, object]:
+    def _document(self, each: _Attempts, countdown: Countdown) -> ContactDocument:
         action = each.action
         is_lost = countdown.phase is not ContactPhase.COUNTING
-        return {
-            "state": countdown.phase.value,
-            "of": list(action.rule.nodes),
-            "lost_after_s": action.rule.lost_after_s,
-            "silent_since_unix_s": self._dates.of(countdown.silent_since),
-            "acts_at_unix_s": None if is_lost else self._dates.of(countdown.acts_at),
-            "call" if action.is_call else "publish": action.key,
-            "served": each.is_served,
-            "attempts": each.count,
-            "failure": each.failure,
-            "answer": each.answer,
-        }
+        return ContactDocument(
+            state=countdown.phase.value,
+            of=tuple(action.rule.nodes),
+            lost_after_s=action.rule.lost_after_s,
+            silent_since_unix_s=self._dates.of(countdown.silent_since),
+            acts_at_unix_s=None if is_lost else self._dates.of(countdown.acts_at),
+            call=action.key if action.is_call else UNSET,
+            publish=UNSET if action.is_call else action.key,
+            served=each.is_served,
+            attempts=each.count,
+            failure=each.failure,
+            answer=each.answer,
+        )
 
     def _key(self, action: LostContactAction) -> str:
         """Return the key of a service on the local network."""

@@ -20,7 +20,7 @@ from zacoustic.run.journal.lives import age_of, start_in
 from zacoustic.run.journal.mark import read_mark
 from zacoustic.seal.keyring import Keyring, open_keyring
 from zacoustic.seal.lives import Lives
-from zacoustic.status.node import EventsDocument
+from zacoustic.status.node import EventsDocument, SealDocument
 from zacoustic.status.table import document_in
 from zacoustic.text.safetext import one_line
 from zacoustic.zenoh.gateway.events.said import FORBIDDEN
@@ -140,8 +140,8 @@ def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | 
         health: Documents of the gateway, by name.
         fingerprint: Fingerprint of the key file here; None: unknown.
     """
-    seal = health.get("seal")
-    if not isinstance(seal, Mapping):
+    seal = document_in(health, "seal", SealDocument)
+    if "seal" not in health:
         if config.security is not None:
             yield Finding(
                 what="the running gateway does not seal its frames, and this file configures it",
@@ -155,16 +155,16 @@ def check_running(config: Config, health: Mapping[str, Any], fingerprint: str | 
             why="after its next start nobody with a key accepts its frames",
             cure="see which of the two files is right",
         )
-    elif fingerprint is not None and seal.get("fingerprint") != fingerprint:
+    elif fingerprint is not None and seal.fingerprint != fingerprint:
         yield Finding(
-            what=f"the running gateway has the key {seal.get('fingerprint')}, generation "
-            f"{seal.get('generation')}; the key file has {fingerprint}",
+            what=f"the running gateway has the key {seal.fingerprint}, generation "
+            f"{seal.generation}; the key file has {fingerprint}",
             why="the key file does not apply yet",
             cure="restart the gateway, or put back the key file that it runs with",
         )
-    if seal.get("failure"):
+    if seal.failure:
         yield Finding(
-            what=f"the running gateway seals no frame: {seal['failure']}",
+            what=f"the running gateway seals no frame: {seal.failure}",
             why="it transmits nothing",
             cure="zacoustic key check FILE names what is missing",
         )

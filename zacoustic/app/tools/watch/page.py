@@ -45,11 +45,10 @@ from zacoustic.app.tools.watch.words import (
     link_cells,
     number_words,
     peer_cells,
-    rate_words,
     share_words,
     size_words,
     state_words,
-    stream_words,
+    stream_cells,
     time_words,
     title_words,
     troubled_first,
@@ -320,26 +319,16 @@ def gateway_row(view: GatewayView) -> dict[str, Any]:
 
 def stream_row(stream: StreamView) -> dict[str, Any]:
     """Return the row of a stream."""
-    return {
-        "id": stream.id,
-        "name": stream.name,
-        "kind": stream.kind,
-        "sent": stream.sent or "",
-        "sent_ago": _unless_never(stream.sent_ago_s),
-        "sent_ago_s": stream.sent_ago_s,
-        "sent_rate": _or_nothing(rate_words(stream.sent_rate_hz)),
-        "heard": stream.heard or "",
-        "heard_ago": _unless_never(stream.heard_ago_s),
-        "heard_ago_s": stream.heard_ago_s,
-        "heard_rate": _or_nothing(rate_words(stream.heard_rate_hz)),
-        "age": _unless_never(stream.age_s),
-        "age_s": stream.age_s,
-        "waiting": stream.waiting or "",
-        "refused": stream.refused or "",
-        "expired": stream.expired or "",
-        "airtime": share_words(stream.airtime_share) if stream.airtime_bytes else "",
-        "trouble": stream_words(stream),
-    }
+    sent, sent_ago, sent_rate, heard, heard_ago, heard_rate, *others = stream_cells(stream)
+    age, waiting, airtime, trouble = others
+    cells = (
+        str(stream.id), stream.name, stream.kind,
+        sent, sent_ago, _or_nothing(sent_rate), heard, heard_ago, _or_nothing(heard_rate), age,
+        waiting, str(stream.refused or ""), str(stream.expired or ""), airtime, trouble,
+    )  # fmt: skip
+    ages = ("sent_ago_s", "heard_ago_s", "age_s")
+    row = _row(stream.id, _STREAM_COLUMNS, cells)
+    return row | {name: getattr(stream, name) for name in ages} | {"id": stream.id}
 
 
 def peer_row(peer: PeerView) -> dict[str, Any]:

@@ -41,11 +41,10 @@ from zacoustic.app.tools.watch.words import (
     now_words,
     number_words,
     peer_cells,
-    rate_words,
     share_words,
     size_words,
     state_words,
-    stream_words,
+    stream_cells,
     time_words,
     title_words,
     transfer_words,
@@ -285,22 +284,10 @@ def _stream_table(streams: Sequence[StreamView], lacking: frozenset[int]) -> Tab
     table = _table("id", "stream", right=[right[index] for index in kept])
     table.add_column("")
     for stream in streams:
-        cells = (
-            *_crossed(stream.sent, stream.sent_ago_s, stream.sent_rate_hz),
-            *_crossed(stream.heard, stream.heard_ago_s, stream.heard_rate_hz),
-            "" if stream.age_s is None else time_words(stream.age_s),
-            Text(str(stream.waiting) if stream.waiting else "", style=_WEAK),
-            share_words(stream.airtime_share) if stream.airtime_bytes else "",
-        )
-        words = _cell(stream_words(stream), _BAD)
-        table.add_row(str(stream.id), _cell(stream.name), *(cells[index] for index in kept), words)
+        *cells, trouble = stream_cells(stream)
+        figures = [Text(cells[index], _WEAK if right[index] == "waits" else "") for index in kept]
+        table.add_row(str(stream.id), _cell(stream.name), *figures, _cell(trouble, _BAD))
     return table
-
-
-def _crossed(times: int, ago_s: float | None, rate_hz: float | None) -> tuple[str, str, str]:
-    if ago_s is None and not times:
-        return "", "", ""
-    return str(times), time_words(ago_s), rate_words(rate_hz)
 
 
 def _peers(view: GatewayView, *, is_complete: bool) -> RenderableType:

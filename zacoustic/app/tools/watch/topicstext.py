@@ -8,6 +8,7 @@ from zacoustic.app.tools.watch.words import (
     rate_words,
     share_words,
     state_words,
+    stream_cells,
     stream_words,
     time_words,
     title_words,
@@ -25,7 +26,9 @@ _RIGHT = ("id", "sent", "last", "rate", "heard", "age", "waits", "airtime")
 
 def topics_text(view: GatewayView) -> str:
     """Return the table of one gateway, with a line about it on top."""
-    rows = [_row(view, index) for index in range(len(view.streams))]
+    rows = [
+        (str(stream.id), stream.name, stream.kind, *stream_cells(stream)) for stream in view.streams
+    ]
     head = one_line(f"gateway {title_words(view)}: {state_words(view)}")
     return f"{head}\n{align(_HEADER, rows, right=_RIGHT)}"
 
@@ -66,22 +69,3 @@ def _narrow_rows(stream: StreamView, name: str) -> list[Sequence[str]]:
         more = ("", "") if rows else (waits, share)
         rows.append((str(stream.id), name, "in", str(stream.heard), last, rate, age, *more))
     return rows or [(str(stream.id), name, "", "0", "", "", "", waits, share)]
-
-
-def _row(view: GatewayView, index: int) -> Sequence[str]:
-    stream = view.streams[index]
-    return (
-        str(stream.id),
-        stream.name,
-        stream.kind,
-        str(stream.sent),
-        time_words(stream.sent_ago_s),
-        rate_words(stream.sent_rate_hz),
-        str(stream.heard),
-        time_words(stream.heard_ago_s),
-        rate_words(stream.heard_rate_hz),
-        time_words(stream.age_s),
-        str(stream.waiting),
-        share_words(stream.airtime_share),
-        stream_words(stream),
-    )

@@ -227,6 +227,25 @@ def stream_words(stream: StreamView) -> str:
     return ", ".join(words)
 
 
+def stream_cells(stream: StreamView) -> tuple[str, ...]:
+    """Return what a table says of a stream; empty for what has not happened.
+
+    That is how often it was sent, the time since, its rate, the same of what was heard, its age,
+    what waits, its share of the airtime, and its fault.
+    """
+    crossed = [
+        (str(times), time_words(ago_s), rate_words(hz)) if times or ago_s is not None else ("",) * 3
+        for times, ago_s, hz in (
+            (stream.sent, stream.sent_ago_s, stream.sent_rate_hz),
+            (stream.heard, stream.heard_ago_s, stream.heard_rate_hz),
+        )
+    ]
+    age = "" if stream.age_s is None else time_words(stream.age_s)
+    waiting = str(stream.waiting or "")
+    airtime = share_words(stream.airtime_share) if stream.airtime_bytes else ""
+    return *crossed[0], *crossed[1], age, waiting, airtime, stream_words(stream)
+
+
 def frame_words(frame: FrameView) -> str:
     """Return direction, other node and contents of a frame."""
     peer = "all" if frame.peer is None else str(frame.peer)

@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
 
+from msgspec import UNSET
+
 from zacoustic.app.tools.field.doctor.network import Running
 from zacoustic.app.tools.watch.ways import is_poor, worst_hop
 from zacoustic.config import Config
@@ -10,7 +12,7 @@ from zacoustic.core.bond.reach import Reach
 from zacoustic.core.schedule.transmitter import UNHEARD_FRAMES
 from zacoustic.link.contract import Finding
 from zacoustic.status.link import BondDocument, LinkDocument, RelayDocument
-from zacoustic.status.node import DroppedDocument, JournalDocument
+from zacoustic.status.node import ContactDocument, DroppedDocument, JournalDocument
 from zacoustic.status.peers import PeerRow
 from zacoustic.status.streams import StreamsDocument
 from zacoustic.status.table import document_in
@@ -54,9 +56,8 @@ def judge(config: Config, running: Running) -> Iterator[Finding]:
     for key in health:
         if key.startswith("bond/"):
             yield from _bond(key.removeprefix("bond/"), health)
-    for key, contact in health.items():
-        if key.startswith("contact/") and isinstance(contact, Mapping):
-            yield from _lost_contact(key.removeprefix("contact/"), contact)
+        elif key.startswith("contact/"):
+            yield from _lost_contact(key, document_in(health, key, ContactDocument))
     journal = document_in(health, "journal", JournalDocument)
     if journal.doubt:
         yield Finding(
@@ -145,17 +146,17 @@ def _routes(health: Mapping[str, Any]) -> Iterator[Finding]:
         )
 
 
-def _lost_contact(name: str, contact: Mapping[str, Any]) -> Iterator[Finding]:
+def _lost_contact(key: str, contact: ContactDocument) -> Iterator[Finding]:
     """Name an action at lost contact that nobody here would do."""
-    if contact.get("served") is not False:
+    if contact.served is not False:
         return
-    is_call = "call" in contact
-    nobody = "nobody serves" if is_call else "nobody subscribes to"
+    nobody = f"nobody subscribes to {contact.publish}"
+    if contact.call is not UNSET:
+        nobody = f"nobody serves {contact.call}"
     yield Finding(
-        what=f"lost_contact {name}: {nobody} {contact.get('call' if is_call else 'publish')} here",
+        what=f"lost_contact {key.removeprefix('contact/')}: {nobody} here",
         why="when contact is lost, nothing happens until somebody does",
-        cure="start the program that acts, and look at its key: "
-        f"zacoustic monitor shows contact/{name}",
+        cure=f"start the program that acts, and look at its key: zacoustic monitor shows {key}",
     )
 
 

@@ -29,7 +29,7 @@ from zacoustic.status.link import (
     WaitsDocument,
     crossed,
 )
-from zacoustic.status.node import JournalDocument, NodeDocument
+from zacoustic.status.node import JournalDocument, NodeDocument, SealDocument
 from zacoustic.zenoh.gateway.status.dates import Dates
 
 
@@ -54,7 +54,7 @@ class LinkStatus:
         has_journal: bool,
         clock: Clock,
         dates: Dates,
-        seal: Callable[[], dict[str, object]] | None = None,
+        seal: Callable[[], SealDocument] | None = None,
         tariffs: Mapping[str, Tariff] = MappingProxyType({}),
     ) -> None:
         self._tariffs = tariffs
@@ -88,8 +88,9 @@ class LinkStatus:
     def _seals(self) -> dict[str, object]:
         if self._seal is None:
             return {}
-        known, failure = self._seal(), self._engine.seal_failure
-        return {"seal": known | {"failure": known["failure"] or failure}}
+        known = self._seal()
+        failure = known.failure or self._engine.seal_failure
+        return {"seal": msgspec.structs.replace(known, failure=failure)}
 
     def _links(self) -> dict[str, object]:
         """Return the document of the first link, and with several links one for each.
