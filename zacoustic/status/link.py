@@ -1,4 +1,4 @@
-"""Links of a gateway, and what is made of them: routes, lists of links, custody; their ledgers."""
+"""Links of a gateway, routes and lists of links over them, custody, and their ledgers."""
 
 from typing import Any
 
@@ -185,4 +185,4 @@ class CarryDocument(CarrySums, frozen=True, kw_only=True):
     """``carry``: what is kept of carried topics until their subscribers have it."""
 
     streams: tuple[CarriedRow, ...] = ()
-    """The same by topic, of those of which something is kept."""
+    """The same for each topic with samples kept here."""

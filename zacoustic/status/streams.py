@@ -85,6 +85,6 @@ class StreamsDocument(msgspec.Struct, frozen=True, kw_only=True):
     digest: str = ""
     """Digest of the table, hexadecimal."""
     streams: list[StreamRow] = []
-    """They, by id."""
+    """All of them, by id."""
     differ: list[DifferRow] = []
-    """Those that peers define otherwise."""
+    """Streams that peers define otherwise."""

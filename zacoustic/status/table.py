@@ -58,7 +58,7 @@ NAMED: Final[dict[str, Any]] = {
     "bond": BondDocument,
     "contact": ContactDocument,
 }
-"""Struct of each document of which there is one for each name, by the chunk before the name."""
+"""Structs of documents with a name at the end of the key, by the chunk before the name."""
 _OF_PEER: Final[dict[str, Any]] = {
     "range": RangeDocument,
     "position": PositionDocument,

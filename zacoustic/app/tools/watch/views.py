@@ -1,7 +1,7 @@
 """Views of a gateway for people: its documents, with what depends on the moment.
 
 A view of a subject has the members of its document (`zacoustic.status`) and adds ages, rates and
-shares of one moment, and what other documents say of it. Ages are seconds before that moment, None:
+shares of one moment, and figures of other documents. Ages are seconds before that moment, None:
 never. The same records are drawn on a terminal and on a page, and are the lines of
 `zacoustic monitor --json`: there every member has the name that it has here.
 """
@@ -27,7 +27,7 @@ from zacoustic.status.streams import StreamRow
 
 
 class StreamView(StreamRow, frozen=True, kw_only=True):
-    """One stream. `age_s`, `expired` and `refused` are those of now and of the whole gateway."""
+    """One stream; `age_s` is its age now, `expired` and `refused` count for the whole gateway."""
 
     sent_ago_s: float | None
     """Time since the last transmission, s."""
@@ -178,7 +178,7 @@ class GatewayView(NodeDocument, frozen=True, kw_only=True):
     uptime_s: float | None
     """Time since its start, s."""
     whole: LinkView
-    """Counters of all its links; the rest is that of the first one."""
+    """Counters of all its links together; state, reasons and capabilities of the first one."""
     modem: ModemDocument
     """What its modem reports of itself."""
     links: tuple[LinkView, ...]

@@ -182,9 +182,9 @@ def nodes_words(reached: Reached, names: dict[int, str]) -> str:
 
 
 def reached_cells(view: GatewayView) -> list[tuple[Reached, tuple[str, ...]]]:
-    """Return the nodes that are reached alike, and what a table says of them.
+    """Return the nodes that are reached alike, each with the cells of its row.
 
-    That is the list of links, its link in use, the link that reaches them, and their names.
+    Cells: the list of links, its link in use, the link that reaches the nodes, their names.
     """
     in_use, names = {bond.name: bond.in_use for bond in view.bonds}, names_of(view)
     return [
