@@ -3,6 +3,7 @@
 import asyncio
 import json
 from collections.abc import Awaitable, Callable
+from types import SimpleNamespace
 from typing import Any
 
 import cbor2
@@ -26,6 +27,7 @@ from tests.links.desert.desert_rig import config as desert
 from tests.links.desert.test_rmw_desert import Vehicle
 from zacoustic.config import config_from_mapping
 from zacoustic.core.profiles.entities import DiscoverySpec, EntityKind, RosEntitySeen
+from zacoustic.core.streams.table import StreamTable
 from zacoustic.gateway import Gateway, Marker, read_marker
 from zacoustic.zenoh.gateway.events.said import said
 from zacoustic_desert.link import DesertLink
@@ -183,7 +185,7 @@ def test_nobody_is_known_by_address_and_orders_do_not_cross() -> None:
 
 
 def test_a_notice_of_an_entity_is_one_line() -> None:
-    context: Any = None
+    context: Any = SimpleNamespace(engine=SimpleNamespace(table=StreamTable()))
     here = RosEntitySeen(
         node="talker", namespace="/", kind=EntityKind.PUBLISHER, gid=bytes(16), topic="/pose",
         type="Pose", leaves=False, seen_at=0,

@@ -3,6 +3,7 @@
 An event that is not in it is not worth a line; others take it (`dispatcher`).
 """
 
+from enum import Enum
 from functools import singledispatch
 from typing import Any, Final
 
@@ -94,31 +95,20 @@ def _(event: SilenceChanged, context: RequestContext) -> Notice:
 
 @said.register
 def _(event: StreamOverridden, context: RequestContext) -> Notice:
-    name, priority = _stream(context, event.stream_id), event.priority.name.lower()
-    interval_s, by = event.min_interval_s, event.commanded_by
+    facts = _facts(event, context, "stream_id", "stream", "on", "min_interval_s", "commanded_by")
+    priority, interval_s, by = event.priority.name.lower(), event.min_interval_s, event.commanded_by
     state = "on" if event.on else "off"
     state += f", every {interval_s:g} s at most" if interval_s else ""
     who = f"node {by}" if by else "this local network"
-    return notice(
-        "overridden",
-        f"{event.stream_id} ({name}): {state}, {priority}, by {who}",
-        head="tuned",
-        stream_id=event.stream_id,
-        stream=name,
-        on=event.on,
-        min_interval_s=interval_s,
-        priority=priority,
-        commanded_by=by,
-    )
+    words = f"{event.stream_id} ({facts['stream']}): {state}, {priority}, by {who}"
+    return notice("overridden", words, head="tuned", priority=priority, **facts)
 
 
 @said.register
 def _(event: EngineRestarted, context: RequestContext) -> Notice:
     words = f"error {event.faults}, please report the log; it goes on: {event.cause}"
-    return notice(
-        "internal_error", words, head="internal", is_trouble=True,
-        faults=event.faults, cause=event.cause,
-    )  # fmt: skip
+    facts = _facts(event, context, "faults", "cause")
+    return notice("internal_error", words, head="internal", is_trouble=True, **facts)
 
 
 @said.register
@@ -138,34 +128,20 @@ def _(event: JournalDoubted, context: RequestContext) -> Notice:
 def _(event: AddressShared, context: RequestContext) -> Notice:
     is_own = event.address == context.engine.address
     whose = "this one and another" if is_own else "two nodes"
+    words = f"{_node(context, event.address)}: {whose} have it; samples of the two mix and get lost"
     return notice(
-        "address_shared",
-        f"{_node(context, event.address)}: {whose} have it; samples of the two mix and get lost: "
-        "give each its own",
-        head="address",
-        is_trouble=True,
-        **_whom(context, event.address),
-        is_own=is_own,
-    )
+        "address_shared", f"{words}: give each its own", head="address", is_trouble=True,
+        is_own=is_own, **_facts(event, context, "address"),
+    )  # fmt: skip
 
 
 @said.register
 def _(event: SealAlarm, context: RequestContext) -> Notice:
-    stream = "" if event.stream_id is None else _stream(context, event.stream_id)
-    why = _REFUSALS[event.refusal] + (
-        f": {stream}" if event.refusal is SealRefusal.FORBIDDEN else ""
-    )
+    facts = _facts(event, context, "address", "refusal", "frames", "is_too_many", "stream")
+    what = f": {facts['stream']}" if event.refusal is SealRefusal.FORBIDDEN else ""
+    words = f"{_node(context, event.address)}: {_REFUSALS[event.refusal]}{what} ({event.frames})"
     rotate = "; rotate the key" if event.is_too_many else ""
-    return notice(
-        "seal",
-        f"{_node(context, event.address)}: {why} ({event.frames}){rotate}",
-        is_trouble=True,
-        **_whom(context, event.address),
-        refusal=event.refusal.value,
-        frames=event.frames,
-        is_too_many=event.is_too_many,
-        stream=stream,
-    )
+    return notice("seal", words + rotate, is_trouble=True, **facts)
 
 
 @said.register
@@ -195,10 +171,8 @@ def _(event: BulkChanged, context: RequestContext) -> Notice:
     words = f"fast data do not get through to {node}; large samples go slowly"
     if event.works:
         words = f"large samples to {node} go fast again"
-    return notice(
-        "bulk", words, is_trouble=not event.works,
-        address=event.address, name=name, works=event.works,
-    )  # fmt: skip
+    facts = _facts(event, context, "address", "works")
+    return notice("bulk", words, is_trouble=not event.works, **facts)
 
 
 @said.register
@@ -210,58 +184,42 @@ def _(event: ClockStateChanged, context: RequestContext) -> Notice:
 @said.register
 def _(event: PeerSeen, context: RequestContext) -> Notice:
     table = "the same table" if event.same_table else "another table"
-    return notice(
-        "peer",
-        f"{_node(context, event.address)} with {table}, epoch {event.epoch}",
-        is_trouble=not event.same_table,
-        **_whom(context, event.address),
-        epoch=event.epoch,
-        same_table=event.same_table,
-        wire_version=event.wire_version,
-    )
+    words = f"{_node(context, event.address)} with {table}, epoch {event.epoch}"
+    facts = _facts(event, context, "address", "epoch", "same_table", "wire_version")
+    return notice("peer", words, is_trouble=not event.same_table, **facts)
 
 
 @said.register
 def _(event: PeerLost, context: RequestContext) -> Notice:
     words = f"{_node(context, event.address)}: not heard any more"
-    return notice("lost", words, is_trouble=True, **_whom(context, event.address))
+    return notice("lost", words, is_trouble=True, **_facts(event, context, "address"))
 
 
 @said.register
 def _(event: PeerFound, context: RequestContext) -> Notice:
-    return notice("found", _node(context, event.address), **_whom(context, event.address))
+    return notice("found", _node(context, event.address), **_facts(event, context, "address"))
 
 
 @said.register
 def _(event: PeerReachable, context: RequestContext) -> Notice:
-    reach = event.reach.value
-    words = f"{_node(context, event.address)} by {event.link}: {reach}"
-    return notice(
-        "reach", words, **_whom(context, event.address),
-        link=event.link, bond=event.bond, reach=reach,
-    )  # fmt: skip
+    words = f"{_node(context, event.address)} by {event.link}: {event.reach.value}"
+    return notice("reach", words, **_facts(event, context, "address", "link", "bond", "reach"))
 
 
 @said.register
 def _(event: CustodyChanged, context: RequestContext) -> Notice:
-    name, custodian = _stream(context, event.stream_id), event.custodian
-    what = event.detail if custodian is None else f"in custody of {custodian}"
-    return notice(
-        "custody",
-        f"{name} for {event.subscriber}: {what}",
-        is_trouble=custodian is None,
-        stream=name,
-        subscriber=event.subscriber,
-        custodian=custodian,
-        detail=event.detail,
-    )
+    facts = _facts(event, context, "stream", "subscriber", "custodian", "detail")
+    is_alone = event.custodian is None
+    what = event.detail if is_alone else f"in custody of {event.custodian}"
+    words = f"{facts['stream']} for {event.subscriber}: {what}"
+    return notice("custody", words, is_trouble=is_alone, **facts)
 
 
 @said.register
 def _(event: SubscribersChanged, context: RequestContext) -> Notice:
-    name, subscribers = _stream(context, event.stream_id), event.subscribers
-    words = f"{name} by {', '.join(map(str, subscribers)) or 'nobody'}"
-    return notice("subscribers", words, head="wanted", stream=name, subscribers=subscribers)
+    facts = _facts(event, context, "stream", "subscribers")
+    words = f"{facts['stream']} by {', '.join(map(str, event.subscribers)) or 'nobody'}"
+    return notice("subscribers", words, head="wanted", **facts)
 
 
 @said.register
@@ -269,25 +227,19 @@ def _(event: DeadlineMissed, context: RequestContext) -> Notice | None:
     if not event.is_first:
         return None  # it has had its notice, and the health report counts the rest
     what = "not published" if event.side is DeadlineSide.OFFERED else "nothing has come"
+    words = f"{event.key} of node {event.source}: {what} in time ({event.missed})"
     return notice(
-        "late",
-        f"{event.key} of node {event.source}: {what} in time ({event.missed})",
-        is_trouble=True,
-        stream=event.key,
-        address=event.source,
-        side=event.side.value,
-        missed=event.missed,
-    )
+        "late", words, is_trouble=True, stream=event.key, address=event.source,
+        **_facts(event, context, "side", "missed"),
+    )  # fmt: skip
 
 
 @said.register
 def _(event: StreamsDiffer, context: RequestContext) -> Notice:
-    name, stream_id, address = _stream(context, event.stream_id), event.stream_id, event.address
-    what = name or "a stream that is not in this file"
-    words = f"{stream_id} ({what}) at node {address}: stopped"
-    return notice(
-        "differs", words, is_trouble=True, address=address, stream_id=stream_id, stream=name
-    )
+    facts = _facts(event, context, "stream_id", "stream")
+    what = facts["stream"] or "a stream that is not in this file"
+    words = f"{event.stream_id} ({what}) at node {event.address}: stopped"
+    return notice("differs", words, is_trouble=True, address=event.address, **facts)
 
 
 @said.register
@@ -300,25 +252,35 @@ def _(event: RangeFailed, context: RequestContext) -> Notice:
 def _(event: RosEntitySeen, context: RequestContext) -> Notice:
     node, kind = f"{event.namespace.rstrip('/')}/{event.node}", event.kind.name.lower()
     what = "leaves" if event.leaves else f"{event.topic} {event.type}"
-    return notice(
-        "entity", f"{node}: {kind} {what}",
-        node=node, kind=kind, topic=event.topic, type=event.type, leaves=event.leaves,
-    )  # fmt: skip
+    facts = _facts(event, context, "topic", "type", "leaves")
+    return notice("entity", f"{node}: {kind} {what}", node=node, kind=kind, **facts)
 
 
 TOLD: Final = tuple(kind for kind in said.registry if kind is not object)
 """The types of events that are worth a notice."""
 
 
-def _whom(context: RequestContext, address: int) -> dict[str, Any]:
-    return {"address": address, "name": context.engine.table.nodes.get(address, "")}
+def _facts(event: Any, context: RequestContext, *names: str) -> dict[str, Any]:  # noqa: ANN401
+    """Return members of an event as JSON has them.
+
+    Args:
+        event: The event.
+        context: The gateway.
+        names: The members: ``address`` brings the node's name, ``stream`` is the name of the
+            stream with the event's `stream_id`.
+    """
+    table, found = context.engine.table, {}
+    for name in names:
+        if name == "stream":
+            stream = None if event.stream_id is None else table.get(event.stream_id)
+            found[name] = "" if stream is None else stream.name
+            continue
+        value = getattr(event, name)
+        found[name] = value.value if isinstance(value, Enum) else value
+        if name == "address":
+            found["name"] = table.nodes.get(value, "")
+    return found
 
 
 def _node(context: RequestContext, address: int) -> str:
     return f"{address} {context.engine.table.nodes.get(address, '')}".rstrip()
-
-
-def _stream(context: RequestContext, stream_id: int) -> str:
-    """Return the name of a stream; empty: only another node has it."""
-    stream = context.engine.table.get(stream_id)
-    return "" if stream is None else stream.name
