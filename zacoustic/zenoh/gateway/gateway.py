@@ -15,13 +15,13 @@ Zenoh's threads only hand data over; nothing blocks the loop.
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AsyncExitStack
 from functools import partial
 from importlib import metadata
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import zenoh
 
@@ -224,54 +224,29 @@ class Gateway:
 
     def _started(self, session: GatewaySession, node: PreparedNode) -> Notice:
         config, table, journal = self.config, self.config.table, self._parts.journal
-        name, mode = config.name or "", mode_of(self._zenoh_config)
-        zid = str(session.network.zenoh_session.session.zid())
-        endpoints = [
-            f"{word} {without_secrets(endpoint)}"
-            for word in ("listen", "connect")
-            for endpoint in endpoints_of(self._zenoh_config, word)
-        ]
-        link_state, digest = session.runner.link_state.value, table.digest.hex()
-        streams = [stream.name for stream in table]
-        kept = str(journal.path) if isinstance(journal, SqliteJournal) else ""
-        forgotten = self._forgotten()
-        metrics = self._metrics.url if self._metrics is not None else ""
-        recording = str(node.recording.path) if node.recording is not None else ""
-        redundant = [each for each in session.network.redundant.alive if each != config.address]
-        here = ["only this computer reaches it: no listen in the file"] * self._listens_here
-        lines = [
-            ("address", f"{config.address} {name}".rstrip()),
-            ("session", f"{mode} {zid}"),
-            *(("endpoint", endpoint) for endpoint in endpoints + here),
-            ("link", f"{self._locator} ({link_state})"),
-            ("streams", f"{len(streams)}: {', '.join(streams)}"),
-            ("digest", digest),
-            *[("journal", kept or forgotten)] * bool(kept or forgotten),
-            *[("metrics", metrics)] * bool(metrics),
-            *[("recording", recording)] * bool(recording),
-            *(("redundant", f"gateway {address}") for address in redundant),
-        ]
-        return Notice(
-            event="started",
-            says=tuple(f"{head:<10}{line}" for head, line in lines),
-            facts={
-                "address": config.address,
-                "name": name,
-                "mode": mode,
-                "zid": zid,
-                "endpoints": tuple(endpoints),
-                "listens_here": self._listens_here,
-                "link": self._locator,
-                "link_state": link_state,
-                "streams": tuple(streams),
-                "digest": digest,
-                "journal": kept,
-                "forgotten": forgotten,
-                "metrics": metrics,
-                "recording": recording,
-                "redundant": tuple(redundant),
-            },
-        )
+        alive = session.network.redundant.alive
+        facts = {
+            "address": config.address,
+            "name": config.name or "",
+            "mode": mode_of(self._zenoh_config),
+            "zid": str(session.network.zenoh_session.session.zid()),
+            "endpoints": tuple(
+                f"{word} {without_secrets(endpoint)}"
+                for word in ("listen", "connect")
+                for endpoint in endpoints_of(self._zenoh_config, word)
+            ),
+            "listens_here": self._listens_here,
+            "link": self._locator,
+            "link_state": session.runner.link_state.value,
+            "streams": tuple(stream.name for stream in table),
+            "digest": table.digest.hex(),
+            "journal": str(journal.path) if isinstance(journal, SqliteJournal) else "",
+            "forgotten": self._forgotten(),
+            "metrics": self._metrics.url if self._metrics is not None else "",
+            "recording": str(node.recording.path) if node.recording is not None else "",
+            "redundant": tuple(each for each in alive if each != config.address),
+        }
+        return Notice(event="started", says=tuple(_started_lines(facts)), facts=facts)
 
     @property
     def _locator(self) -> str:
@@ -375,3 +350,21 @@ def _locator(config: Config) -> str:
 def _log(notice: Notice) -> None:
     for line in notice.lines():
         _logger.info("%s", one_line(line))
+
+
+def _started_lines(facts: dict[str, Any]) -> Iterator[str]:
+    """Yield what a gateway says at its start, one line for each fact that there is."""
+    here = ["only this computer reaches it: no listen in the file"] * facts["listens_here"]
+    streams = facts["streams"]
+    lines = [
+        ("address", f"{facts['address']} {facts['name']}"),
+        ("session", f"{facts['mode']} {facts['zid']}"),
+        *(("endpoint", each) for each in (*facts["endpoints"], *here)),
+        ("link", f"{facts['link']} ({facts['link_state']})"),
+        ("streams", f"{len(streams)}: {', '.join(streams)}"),
+        ("digest", facts["digest"]),
+        ("journal", facts["journal"] or facts["forgotten"]),
+        *((head, facts[head]) for head in ("metrics", "recording")),
+        *(("redundant", f"gateway {each}") for each in facts["redundant"]),
+    ]
+    yield from (f"{head:<10}{line}".rstrip() for head, line in lines if line)
