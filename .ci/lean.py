@@ -15,7 +15,10 @@ from typing import Any, Final
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-KEPT: Final = ("zacoustic/config/", "zacoustic/link/", "zacoustic/ros/")
+KEPT: Final = (
+    "zacoustic/config/", "zacoustic/core/relay/relay.py", "zacoustic/core/streams/",
+    "zacoustic/link/", "zacoustic/ros/",
+)  # fmt: skip
 """Rooms whose docstrings programs show: the reference of keys, the contract of links."""
 
 Span = tuple[int, int, int, int]

@@ -184,7 +184,7 @@ def test_sealed_frames_are_larger_and_no_key_is_read(tmp_path: Path) -> None:
 
 def test_a_wrong_medium_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for medium, told in (
-        ({"link": "radio", "profile": "no"}, "media[0]: profile is 'no'"),
+        ({"link": "radio", "profile": "no"}, "media[0].profile is 'no'"),
         ({"link": "radio", "links": UNHEARD}, "media[0].links[0].to is 3"),
         ({"link": ""}, "media[0].link is ''"),
     ):

@@ -297,7 +297,7 @@ class Scenario(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
             try:
                 self.medium_of(medium.link)
             except ConfigError as error:
-                raise ValueError(f"media[{index}]: {error.args[0]}") from error
+                raise ValueError(f"media[{index}].{error.args[0]}") from error
             except ValueError as error:
                 raise ValueError(f"media[{index}].{error.args[0]}") from error
 

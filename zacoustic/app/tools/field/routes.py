@@ -11,7 +11,6 @@ from zacoustic.app.tools.field.asking import Gateways, local_gateways
 from zacoustic.app.tools.field.probing import Asker
 from zacoustic.config import Config
 from zacoustic.core.base.linktypes import ONE_LINK
-from zacoustic.core.relay.relay import Hop
 from zacoustic.core.relay.route import Route
 from zacoustic.core.wire.routing import RoutingKind, RoutingRequest
 from zacoustic.errors import SessionError
@@ -76,11 +75,26 @@ class LinkAsker(Asker):
         await asyncio.sleep(seconds)
 
 
-class HopShown(Hop, frozen=True, kw_only=True):
-    """One hop of a route, as the gateway at its begin counts."""
+class HopShown(msgspec.Struct, frozen=True, kw_only=True):
+    """One hop of a route, as the gateway at its begin counts: a `Hop` of the node that transmits.
+
+    A compiled wheel allows no heir of `Hop`.
+    """
 
     node: int
     """The node that transmits."""
+    route: str
+    """Name of the route."""
+    next_node: int
+    """Address of the node to which it goes."""
+    waiting: int
+    """Frames that are held for it."""
+    transmissions: int
+    """How often a frame was transmitted."""
+    passed_on: int
+    """Frames that have arrived there."""
+    given_up: int
+    """Frames that were given up."""
 
 
 class RouteShown(msgspec.Struct, frozen=True, kw_only=True):
