@@ -3,7 +3,7 @@
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo auv quick test test-browser screenshot soak bench shape compiled clean distclean
+.PHONY: help demo auv quick blocking test test-browser screenshot soak bench shape compiled clean distclean
 .PHONY: release sbom bundle container hadolint frictions site docs tutorial
 .PHONY: venv-run venv-console venv-test venv-docs format lint types contracts unit examples package
 
@@ -33,6 +33,7 @@ help:
 	@echo "make docs    the pages of docs/ and the API reference as a site: dist/site; its snippets' types"
 	@echo "make tutorial  walk docs/tutorial.md in a fresh clone, with the seconds of each step"
 	@echo "make screenshot     the picture of that console in the README, taken anew (ten minutes)"
+	@echo "make blocking  write zacoustic/blocking.py anew from the asynchronous API of Node"
 	@echo "make soak    the tests of which make test runs a share, with their full counts (hours)"
 	@echo "make bench   measure: every tests/benchmarks/bench_*.py prints a table"
 	@echo "make compiled  a wheel whose engine and medium are compiled: the same bytes, faster (ten minutes)"
@@ -54,6 +55,9 @@ auv: venv-console
 # Changed is what differs from where the branch left main; BASE=REV names another commit.
 quick: venv-test
 	@$(VENV_PYTHON) .ci/quick.py $(if $(BASE),--base "$(BASE)") $(ARGS)
+
+blocking: venv-test
+	@$(VENV_PYTHON) .ci/blockingapi.py
 
 test: format lint types contracts unit
 	@echo

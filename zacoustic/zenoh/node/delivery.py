@@ -41,14 +41,13 @@ class Delivery:
         """The outcome; None: none yet."""
         self.missing: tuple[int, ...] = ()
         """At the end: addresses of the subscribers that have not acknowledged the sample."""
-        self.detail = ""
+        self.detail: str = ""
         """The reason, if the outcome does not say it."""
         self.progress: ObjectProgress | None = None
         """Last known progress of a sample larger than a frame; None: it is not larger, or no
         progress is known yet."""
         self.custodians: dict[int, int] = {}
-        """Of a carried topic: address of a subscriber that lacks the sample → the node that has
-        taken it along."""
+        """On a carried topic: subscriber that lacks the sample → node that has taken it along."""
         self._is_journalled = is_journalled
         self._cancel = cancel
         self._is_stored = False
@@ -56,7 +55,9 @@ class Delivery:
         self._waiters: set[asyncio.Future[None]] = set()
 
     def __await__(self) -> Generator[object, None, DeliveryOutcome]:
-        """Wait for the outcome; `asyncio.timeout` sets a limit.
+        """Wait for the outcome.
+
+        `asyncio.timeout` sets a limit.
 
         Returns:
             The outcome.

@@ -74,7 +74,7 @@ class GoalHandle(Generic[Goal, Feedback, Result]):
     """
 
     def __init__(self, route: ActionRoute[Goal, Feedback, Result], sent: SentGoal) -> None:
-        self.name = route.name
+        self.name: str = route.name
         """The action."""
         self._route = route
         self._sent = sent
@@ -148,7 +148,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
     def __init__(
         self, route: ActionRoute[Goal, Feedback, Result], carrier: Carrier, spawn: Spawn
     ) -> None:
-        self.name = route.name
+        self.name: str = route.name
         """The action."""
         self._route = route
         self._carrier = carrier
@@ -241,11 +241,11 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
     def __init__(
         self, route: ActionRoute[Goal, Feedback, Result], taken: TakenGoal, request: Goal
     ) -> None:
-        self.name = route.name
+        self.name: str = route.name
         """The action."""
         self.request = request
         """The value of the goal."""
-        self.client = taken.client
+        self.client: int | None = taken.client
         """Acoustic address of the client; None: on this Zenoh network."""
         self.status: GoalStatus | None = None
         """The status that `succeed`, `abort` or `canceled` has set; None: none yet."""
@@ -267,6 +267,15 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
     async def cancel_requested(self) -> None:
         """Wait for an accepted request to cancel the goal."""
         await self._cancelled.wait()
+
+    async def wait_cancel(self, *, timeout_s: float) -> bool:
+        """Wait as `cancel_requested`, in place of a sleep; return whether the request came."""
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self._cancelled.wait()
+        except TimeoutError:
+            return False
+        return True
 
     def publish_feedback(self, feedback: Feedback) -> bool:
         """Send feedback, of which only the newest waits. False: the goal has ended.
@@ -345,7 +354,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
         goal_callback: Decide[Goal] | None = None,
         cancel_callback: DecideCancel[Goal, Feedback, Result] | None = None,
     ) -> None:
-        self.name = route.name
+        self.name: str = route.name
         """The action."""
         self._route = route
         self._execute = execute

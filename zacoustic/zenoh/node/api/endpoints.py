@@ -23,11 +23,11 @@ from zacoustic.zenoh.node.api.service import Client, Handler, Service, ServiceTy
 from zacoustic.zenoh.node.carrier import Carrier
 
 Value = TypeVar("Value", bound=msgspec.Struct | bytes)
-Request = TypeVar("Request", bound=msgspec.Struct | bytes)
-Response = TypeVar("Response", bound=msgspec.Struct | bytes)
-Goal = TypeVar("Goal", bound=msgspec.Struct | bytes)
-Feedback = TypeVar("Feedback", bound=msgspec.Struct | bytes)
-Result = TypeVar("Result", bound=msgspec.Struct | bytes)
+RequestValue = TypeVar("RequestValue", bound=msgspec.Struct | bytes)
+ResponseValue = TypeVar("ResponseValue", bound=msgspec.Struct | bytes)
+GoalValue = TypeVar("GoalValue", bound=msgspec.Struct | bytes)
+FeedbackValue = TypeVar("FeedbackValue", bound=msgspec.Struct | bytes)
+ResultValue = TypeVar("ResultValue", bound=msgspec.Struct | bytes)
 Fields = dict[str, Any]
 """A value whose type is given by name, not as a class: field names to values."""
 
@@ -168,13 +168,14 @@ class EndpointMaker:
     @overload
     def create_client(
         self,
-        service_type: ServiceType[Request, Response] | tuple[type[Request], type[Response]],
+        service_type: ServiceType[RequestValue, ResponseValue]
+        | tuple[type[RequestValue], type[ResponseValue]],
         name: str,
         qos: Qos | None = None,
         *,
         stream_id: int | None = None,
         server: int | None = None,
-    ) -> Client[Request, Response]: ...
+    ) -> Client[RequestValue, ResponseValue]: ...
     @overload
     def create_client(
         self,
@@ -215,13 +216,14 @@ class EndpointMaker:
     @overload
     def create_service(
         self,
-        service_type: ServiceType[Request, Response] | tuple[type[Request], type[Response]],
+        service_type: ServiceType[RequestValue, ResponseValue]
+        | tuple[type[RequestValue], type[ResponseValue]],
         name: str,
-        handler: Handler[Request, Response],
+        handler: Handler[RequestValue, ResponseValue],
         qos: Qos | None = None,
         *,
         stream_id: int | None = None,
-    ) -> Service[Request, Response]: ...
+    ) -> Service[RequestValue, ResponseValue]: ...
     @overload
     def create_service(
         self,
@@ -266,14 +268,14 @@ class EndpointMaker:
     @overload
     def create_action_client(
         self,
-        action_type: ActionType[Goal, Feedback, Result]
-        | tuple[type[Goal], type[Feedback], type[Result]],
+        action_type: ActionType[GoalValue, FeedbackValue, ResultValue]
+        | tuple[type[GoalValue], type[FeedbackValue], type[ResultValue]],
         name: str,
         qos: Qos | None = None,
         *,
         stream_id: int | None = None,
         server: int | None = None,
-    ) -> ActionClient[Goal, Feedback, Result]: ...
+    ) -> ActionClient[GoalValue, FeedbackValue, ResultValue]: ...
     @overload
     def create_action_client(
         self,
@@ -314,16 +316,16 @@ class EndpointMaker:
     @overload
     def create_action_server(
         self,
-        action_type: ActionType[Goal, Feedback, Result]
-        | tuple[type[Goal], type[Feedback], type[Result]],
+        action_type: ActionType[GoalValue, FeedbackValue, ResultValue]
+        | tuple[type[GoalValue], type[FeedbackValue], type[ResultValue]],
         name: str,
-        execute_callback: Execute[Goal, Feedback, Result],
+        execute_callback: Execute[GoalValue, FeedbackValue, ResultValue],
         qos: Qos | None = None,
         *,
-        goal_callback: Decide[Goal] | None = None,
-        cancel_callback: DecideCancel[Goal, Feedback, Result] | None = None,
+        goal_callback: Decide[GoalValue] | None = None,
+        cancel_callback: DecideCancel[GoalValue, FeedbackValue, ResultValue] | None = None,
         stream_id: int | None = None,
-    ) -> ActionServer[Goal, Feedback, Result]: ...
+    ) -> ActionServer[GoalValue, FeedbackValue, ResultValue]: ...
     @overload
     def create_action_server(
         self,

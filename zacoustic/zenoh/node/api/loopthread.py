@@ -2,7 +2,7 @@
 
 import asyncio
 import threading
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from typing import Final, Generic, TypeVar
 
 from zacoustic.errors import LocalError
@@ -76,6 +76,21 @@ class LoopThread:
             return function()
 
         return self.wait(call)
+
+    def next_of(self, items: AsyncIterator[T]) -> T:
+        """Wait for the next item; no item is None.
+
+        Raises:
+            StopIteration: There is none any more.
+        """
+        item = self.wait(lambda: anext(items, None))
+        if item is None:
+            raise StopIteration
+        return item
+
+    def each(self, items: AsyncIterator[T]) -> Iterator[T]:
+        """Return an iterator that waits for each item; no item is None."""
+        return iter(lambda: self.wait(lambda: anext(items, None)), None)
 
     def stop(self) -> None:
         """End the loop and the thread. May be called again.

@@ -71,7 +71,7 @@ class Publisher(Generic[T]):
 
     def __init__(self, route: TopicRoute[T], outlet: Outlet) -> None:
         assert route.key is not None
-        self.key = route.key
+        self.key: str = route.key
         """The key, placeholders filled in."""
         self._outlet = outlet
         self._is_closed = False
@@ -135,7 +135,7 @@ class Subscription(Generic[T]):
         carrier: Carrier,
         forget: "Callable[[Subscription[Any]], None]",
     ) -> None:
-        self.name = route.name
+        self.name: str = route.name
         """The topic."""
         self._form = route.form
         self._carrier = carrier
@@ -159,7 +159,9 @@ class Subscription(Generic[T]):
         raise StopAsyncIteration
 
     async def receive(self) -> Sample[T]:
-        """Wait for the next sample; `asyncio.timeout` sets a limit.
+        """Wait for the next sample.
+
+        `asyncio.timeout` sets a limit.
 
         Raises:
             LocalError: The subscription is closed.

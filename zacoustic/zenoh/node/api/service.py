@@ -73,14 +73,16 @@ class Client(Generic[Request, Response]):
     """
 
     def __init__(self, route: ServiceRoute[Request, Response], carrier: Carrier) -> None:
-        self.name = route.name
+        self.name: str = route.name
         """The service."""
         self._route = route
         self._carrier = carrier
         self._is_closed = False
 
     async def call(self, request: Request, *, timeout_s: float | None = None) -> Response:
-        """Call the service. Cancelling withdraws a request that has not left yet.
+        """Call the service and wait for the answer.
+
+        Cancelling withdraws a request that has not left yet.
 
         Args:
             request: A value of the client's type.
@@ -132,7 +134,7 @@ class Service(Generic[Request, Response]):
         carrier: Carrier,
         spawn: Spawn,
     ) -> None:
-        self.name = route.name
+        self.name: str = route.name
         """The service."""
         self._route = route
         self._handler = _with_context(handler)
