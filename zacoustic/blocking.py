@@ -420,7 +420,7 @@ class Node(NodeOnLoop):
     def routing(
         self, peer: int, request: RoutingRequest, *, timeout_s: float = COMMAND_TIMEOUT_S
     ) -> RoutingReport:
-        """Send a command about routes to another node, or to this one; for nodes on a link.
+        """Send a command about routes to another node, or to this one.
 
         See `zacoustic.Node.routing`.
         """

@@ -162,12 +162,18 @@ def test_a_ping_says_that_the_link_is_down() -> None:
     down = SimpleNamespace(state=LinkState.DOWN, detail="connection refused")
     up = SimpleNamespace(state=LinkState.UP, detail="")
     said: list[str] = []
-    held: Any = SimpleNamespace(refuse=lambda failure, text: said.append(text))
     for sides in ([down], [down, up]):
         runner: Any = SimpleNamespace(sides=sides)
         nobody: Any = None
         context = RequestContext(runner, nobody, clock=lambda: 0, utc_ns=lambda: 0)
-        asking: Asking[PingAsked, PingAnswer] = Asking(context, held, 2, PingAsked(), 5.0)
+        asking: Asking[PingAsked, PingAnswer] = Asking(
+            context,
+            2,
+            PingAsked(),
+            5.0,
+            answer=lambda answer: said.append(answer.text()),
+            refuse=lambda failure, text: said.append(text),
+        )
         event = CallFailed(call_id=1, stream_id=0, failure=CallFailure.TIMED_OUT, text="")
         _Ping(asking, 0).take(event)
     why = "node 2 has not answered: the link is down, connection refused"

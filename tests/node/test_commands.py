@@ -22,6 +22,7 @@ from zacoustic import (
     blocking,
 )
 from zacoustic.core.engine.events import SilenceChanged, StreamOverridden
+from zacoustic.core.wire.routing import RoutingKind, RoutingRequest
 
 SILENCE = RemoteCommand(kind=CommandKind.SILENCE, for_s=1800.0)
 RESUME = RemoteCommand(kind=CommandKind.RESUME)
@@ -84,7 +85,7 @@ def test_command_that_is_refused_raises_with_the_reason() -> None:
                 Node("shore", config=config(), link=medium.link(1)) as shore,
                 Node("auv1", config=config(), link=medium.link(2)),
             ):
-                with pytest.raises(ServiceError, match="is refused: node 2 has no stream 99"):
+                with pytest.raises(ServiceError, match="refused by node 2: node 2 has no"):
                     await shore.command(2, RemoteCommand(kind=CommandKind.RESET, stream_id=99))
                 with pytest.raises(LocalError, match="stream 20 is no topic"):
                     await shore.command(1, RemoteCommand(stream_id=20))
@@ -94,7 +95,10 @@ def test_command_that_is_refused_raises_with_the_reason() -> None:
                     await shore.command(2, RESUME, timeout_s=3600)
                 with pytest.raises(ConfigError, match='no node is called "boat"'):
                     await shore.command("boat", RESUME)
-                with pytest.raises(CallTimeoutError, match="no answer before the deadline"):
+                with pytest.raises(
+                    CallTimeoutError,
+                    match="has not answered in time, and may have",
+                ):
                     await shore.command(3, RESUME, timeout_s=0.1)
 
     run(main())
@@ -124,12 +128,25 @@ def test_commands_from_zenoh_reach_all_nodes() -> None:
             assert (
                 await auv.command("auv1", RemoteCommand(kind=CommandKind.RESET, stream_id=11))
             ).on
-            with pytest.raises(ServiceError, match="is refused: node 2 has no stream 99"):
+            with pytest.raises(ServiceError, match="refused by node 2: node 2 has no"):
                 await shore.command(2, RemoteCommand(stream_id=99))
             with pytest.raises(DeliveryError, match="does not publish stream 10"):
                 await shore.command(1, RemoteCommand(stream_id=10))
-            with pytest.raises(DeliveryError, match="no gateway here knows node 9"):
+            with pytest.raises(DeliveryError, match="no gateway that knows node 9 is on"):
                 await shore.command(9, RESUME)
+
+    run_on_zenoh(main())
+
+
+def test_commands_about_routes_go_by_the_gateway_of_the_network() -> None:
+    async def main() -> None:
+        async with three_nodes() as (shore, auv, _):
+            heard = RoutingRequest(kind=RoutingKind.HEARD)
+            assert (await shore.routing(2, heard)).address == 2
+            there = await auv.routing(1, heard)
+            assert (there.address, there.heard) == (1, {})
+            with pytest.raises(DeliveryError, match="no gateway that knows node 9 is on"):
+                await shore.routing(9, heard)
 
     run_on_zenoh(main())
 

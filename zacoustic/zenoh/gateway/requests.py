@@ -64,7 +64,14 @@ class RequestHandler:
             question, within_s = request.read(key, target[1], parameters)
             if request.not_here and node in self._redundant.alive:
                 raise ValueError(f"node {node} is on this local network: {request.not_here}")
-            asking: Asking[Any, Any] = Asking(self.context, held, node, question, within_s)
+            asking: Asking[Any, Any] = Asking(
+                self.context,
+                node,
+                question,
+                within_s,
+                answer=partial(_answer, held, node),
+                refuse=held.refuse,
+            )
             self.context.runner.apply(partial(request.begin, asking))
         except (ValueError, LocalError) as error:
             held.refuse(CallFailure.BAD_REQUEST, str(error))
@@ -73,3 +80,9 @@ class RequestHandler:
         if request.is_own:
             return node in (None, self._redundant.address)
         return node is None or self._redundant.asks(node)
+
+
+def _answer(held: HeldQuery, node: int, answer: object) -> None:
+    """Answer, under the concrete key."""
+    prefix, _, *subject = held.key.split("/")
+    held.answer_json("/".join((prefix, str(node), *subject)), answer)

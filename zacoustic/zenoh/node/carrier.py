@@ -6,7 +6,7 @@ docstring says otherwise, and no callback given to a carrier may raise.
 """
 
 from collections.abc import Callable
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeVar
 
 import msgspec
 
@@ -41,11 +41,9 @@ from zacoustic.core.engine.events import (
 from zacoustic.core.peers.measurements import Range
 from zacoustic.core.peers.ranging import RangeFailed, RangeFailure
 from zacoustic.core.profiles.entities import RosEntitySeen
-from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.objects.progress import ObjectProgress
-from zacoustic.core.wire.routing import RoutingRequest
 from zacoustic.errors import (
     CallTimeoutError,
     DeliveryError,
@@ -57,7 +55,10 @@ from zacoustic.errors import (
 from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.goals import GoalCarrier
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
-from zacoustic.zenoh.requests.routing import RoutingReport
+from zacoustic.zenoh.requests.request import Request
+
+Q = TypeVar("Q")
+A = TypeVar("A", bound=msgspec.Struct)
 
 NodeEvent = (
     LinkStateChanged
@@ -221,25 +222,14 @@ class Carrier(Protocol):
         """
         ...
 
-    async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
-        """Send a command to a node; cancelling gives up.
+    async def ask(self, request: Request[Q, A], node: int, question: Q, within_s: float) -> A:
+        """Make a request about a node; cancelling gives up.
 
         Raises:
-            LocalError: There is no such node, or the command makes no sense here.
-            ServiceError: The node refuses the command.
+            LocalError: There is no such node, or the request makes no sense here.
+            ServiceError: The node refuses it.
             CallTimeoutError: No answer came in time.
-            DeliveryError: The command cannot be sent from here.
-        """
-        ...
-
-    async def routing(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
-        """Send a command about routes to a node; cancelling gives up.
-
-        Raises:
-            LocalError: There is no such node, or the command makes no sense here.
-            ServiceError: The node refuses the command.
-            CallTimeoutError: No answer came in time.
-            DeliveryError: The command cannot be sent from here.
+            DeliveryError: The request cannot be sent from here.
         """
         ...
 

@@ -25,7 +25,8 @@ from zacoustic.zenoh.node.api.endpoints import EndpointMaker
 from zacoustic.zenoh.node.api.eventlog import EventLog
 from zacoustic.zenoh.node.api.identity import identify
 from zacoustic.zenoh.node.carrier import Carrier, NodeEvent
-from zacoustic.zenoh.requests.routing import RoutingReport
+from zacoustic.zenoh.requests.commands import row_of
+from zacoustic.zenoh.requests.routing import ROUTING, RoutingReport
 
 COMMAND_TIMEOUT_S: Final = 60.0
 """Default time limit of a command, s."""
@@ -195,12 +196,13 @@ class Node(EndpointMaker):
         check_timeout(timeout_s)
         if isinstance(peer, str):
             peer = self._known().address_of(peer)
-        return await carrier.command(peer, command, timeout_s)
+        state: CommandState = (await carrier.ask(row_of(command), peer, command, timeout_s)).state()
+        return state
 
     async def routing(
         self, peer: int, request: RoutingRequest, *, timeout_s: float = COMMAND_TIMEOUT_S
     ) -> RoutingReport:
-        """Send a command about routes to another node, or to this one; for nodes on a link.
+        """Send a command about routes to another node, or to this one.
 
         Args:
             peer: Acoustic address of the node that executes it.
@@ -217,7 +219,7 @@ class Node(EndpointMaker):
         """
         carrier = self._opened()
         check_timeout(timeout_s)
-        return await carrier.routing(peer, request, timeout_s)
+        return await carrier.ask(ROUTING, peer, request, timeout_s)
 
     def refuse(self, progress: ObjectProgress) -> bool:
         """Refuse the rest of an incoming large sample.

@@ -6,10 +6,9 @@ from typing import Any, TypeVar
 from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived
 from zacoustic.core.streams.table import StreamTable
 from zacoustic.errors import LocalError
-from zacoustic.run.pending import CallEnd
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.node.carrier import IncomingCall, call_error
-from zacoustic.zenoh.node.onlink.answers import Answers
+from zacoustic.zenoh.node.onlink.callers import Callers
 from zacoustic.zenoh.node.routes import ActionRoute, ServiceRoute
 
 T = TypeVar("T")
@@ -19,23 +18,23 @@ class LinkCalls:
     """The calls of one node.
 
     Args:
-        runner: Drives the engine that carries them.
         table: The streams.
-        answers: The calls of the node.
+        callers: Those who wait for answers.
     """
 
-    def __init__(self, runner: LinkRunner, table: StreamTable, answers: Answers[CallEnd]) -> None:
-        self._runner = runner
+    def __init__(self, table: StreamTable, callers: Callers) -> None:
+        self._runner = callers.context.runner
         self._table = table
         self._servers: dict[int, Callable[[IncomingCall], None]] = {}
-        self._answers = answers
+        self._callers = callers
 
     async def call(
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
     ) -> object:
         """Call a service and wait for the answer; cancelling gives up."""
         stream = route.known_stream
-        end = await self._answers.ask(
+        end = await self._callers.outcome(
+            self._callers.context.ends,
             lambda engine, now: engine.call(stream.stream_id, value, now, timeout_s=timeout_s),
             lambda engine, call_id, now: engine.cancel(call_id, now),
         )

@@ -28,17 +28,16 @@ from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import LinkClosedError
 from zacoustic.run.dispatching import Dispatcher
 from zacoustic.run.node import PreparedNode
-from zacoustic.run.pending import CallEnd
+from zacoustic.run.pending import CallEnd, Pending
 from zacoustic.zenoh.node.carrier import NodeEvent, Outlet
-from zacoustic.zenoh.node.onlink.answers import Answers
+from zacoustic.zenoh.node.onlink.callers import Callers
 from zacoustic.zenoh.node.onlink.calls import LinkCalls
-from zacoustic.zenoh.node.onlink.commands import LinkCommands
 from zacoustic.zenoh.node.onlink.goals import LinkGoals
 from zacoustic.zenoh.node.onlink.listeners import Listeners
 from zacoustic.zenoh.node.onlink.publishing import LinkOutlet, LinkPublishing
 from zacoustic.zenoh.node.onlink.ranges import LinkRanges
-from zacoustic.zenoh.node.onlink.routing import LinkRouting
 from zacoustic.zenoh.node.routes import TopicRoute
+from zacoustic.zenoh.requests.context import RequestContext
 
 CLOSE_LINGER_S: Final = 5.0
 """Longest time for which a closing node still acknowledges samples, s: on usual links the answer's
@@ -75,15 +74,17 @@ class LinkCarrier:
         self._watch: asyncio.Task[None] | None = None
         self._listeners = Listeners(self._runner, table)
         self._publishing = LinkPublishing(self._runner)
-        self._answers: Answers[CallEnd] = Answers(self._runner)
-        self._calls = LinkCalls(self._runner, table, self._answers)
-        self._ranges = LinkRanges(self._runner)
+        self._context = RequestContext(
+            self._runner, Pending(), clock=node.parts.clock, utc_ns=node.parts.host.utc_ns
+        )
+        self._callers = Callers(self._context)
+        self._calls = LinkCalls(table, self._callers)
+        self._ranges = LinkRanges(self._callers)
         self.goals = LinkGoals(self._runner, table)
         self.subscribe = self._listeners.add
         self.call, self.serve = self._calls.call, self._calls.serve
         self.range = self._ranges.measure
-        self.command = LinkCommands(self._runner, self._answers).give
-        self.routing = LinkRouting(self._runner, self._answers).give
+        self.ask = self._callers.ask
 
     @property
     def stats(self) -> EngineStats:
@@ -181,13 +182,13 @@ class LinkCarrier:
                 DeliveryEnded: (self._end_delivery,),
                 CustodyChanged: (self._see_custody,),
                 ObjectProgress: (self._progress,),
-                RangeMeasured: (self._ranges.measured,),
-                RangeFailed: (self._ranges.failed,),
+                RangeMeasured: (self._ranges.take,),
+                RangeFailed: (self._ranges.take,),
             }
         )
 
     def _answer(self, event: CallEnd) -> None:
-        self._answers.take(event.call_id, event)
+        self._context.ends.take(event.call_id, event)
 
     def _see_difference(self, event: StreamsDiffer) -> None:
         stream = self._table.get(event.stream_id)
@@ -251,6 +252,6 @@ class LinkCarrier:
             self._fail(error)
 
     def _end_all(self, error: Exception) -> None:
-        for each in (self._answers, self._ranges, self.goals):
+        for each in (self._callers, self.goals):
             each.end_all(error)
         self._publishing.deliveries.fail(error)

@@ -21,31 +21,26 @@ from zacoustic.core.base.qos import Durability
 from zacoustic.core.base.stats import NO_STREAM, EngineStats, LedgerEntry, count
 from zacoustic.core.engine.events import CallFailure, LinkStateChanged
 from zacoustic.core.peers.measurements import Range
-from zacoustic.core.streams.commands import CommandState, RemoteCommand
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream
-from zacoustic.core.wire.routing import RoutingRequest
 from zacoustic.errors import (
     CallTimeoutError,
-    DeliveryError,
     LinkClosedError,
     LocalError,
     PayloadInvalidError,
     RangeUnavailableError,
-    ServiceError,
     SessionError,
 )
 from zacoustic.run.inbox import crossing, tell_loop
 from zacoustic.text import safetext
-from zacoustic.zenoh.node.carrier import Incoming, IncomingCall, NodeEvent, Outlet, call_error
+from zacoustic.zenoh.node.carrier import A, Incoming, IncomingCall, NodeEvent, Outlet, Q, call_error
 from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
 from zacoustic.zenoh.node.onzenoh.queries import ServiceHandler
 from zacoustic.zenoh.node.onzenoh.session import session_config, zenoh_errors
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
-from zacoustic.zenoh.requests.commands import row_of
-from zacoustic.zenoh.requests.routing import RoutingReport
-from zacoustic.zenoh.session.asking.allreplies import ask_all
+from zacoustic.zenoh.requests.asking import ask
+from zacoustic.zenoh.requests.request import Request
 from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.latching import LatchedPublisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
@@ -149,29 +144,10 @@ class ZenohCarrier:
             f"@acoustic/*/peer/{address}/range",
         )
 
-    async def command(self, node: int, command: RemoteCommand, timeout_s: float) -> CommandState:
-        """Ask the local gateways, which execute or forward it."""
-        request = row_of(command)
-        key, parameters = request.selector(node, command, timeout_s)
-        with zenoh_errors(key):
-            found = await ask_all(
-                self.zenoh_session, key, parameters, timeout_s=timeout_s, is_first_enough=True
-            )
-        if found.answers:
-            state: CommandState = request.decode(found.answers[0][1]).state()
-            return state
-        nobody = (CallFailure.NO_SERVER, f"no gateway here knows node {node}")
-        failure, text = (*found.failures, nobody)[0]
-        if failure is CallFailure.HANDLER:
-            raise ServiceError(f"the command is refused: {text}")
-        raise call_error("the command", failure, text)
-
-    async def routing(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
-        """Refuse: programs on Zenoh query the key of `zacoustic.zenoh.requests.routing`."""
-        raise DeliveryError(
-            f"commands about routes to node {node}: the gateway gives them",
-            hint=f"get @acoustic/{node}/routing?do=heard;run=7, or use zacoustic route",
-        )
+    async def ask(self, request: Request[Q, A], node: int, question: Q, within_s: float) -> A:
+        """Ask the local gateways, which answer for themselves or ask the node."""
+        with zenoh_errors(request.subject):
+            return (await ask(self.zenoh_session, request, node, question, within_s))[0]
 
     def refuse(self, source: int, transfer: int) -> bool:
         """Refuse nothing: samples arrive whole."""
