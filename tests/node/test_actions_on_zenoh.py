@@ -8,7 +8,8 @@ import cbor2
 import pytest
 import zenoh
 
-from tests.node.fleet import Goto, config, plain_client, router, run_on_zenoh, settle
+from tests.node.fleet import Goto, channel, config, plain_client, router, run_on_zenoh, settle
+from tests.runtime.loop_checks import run
 from zacoustic import (
     CallTimeoutError,
     DeliveryError,
@@ -84,13 +85,18 @@ def test_nobody_who_serves_nobody_who_answers_and_a_node_that_closes() -> None:
                     client = shore.create_action_client(RAW, "auv1/raw")
                     with pytest.raises(DeliveryError, match="nobody serves it"):
                         await client.send_goal(b"x")
-                    held: list[zenoh.Query] = []
-                    mute = session.declare_queryable("auv1/raw/_action/*", held.append)
+                    loop, held = asyncio.get_running_loop(), asyncio.Queue[zenoh.Query]()
+                    mute = session.declare_queryable(
+                        "auv1/raw/_action/*",
+                        lambda query: loop.call_soon_threadsafe(held.put_nowait, query),
+                    )
                     with pytest.raises(CallTimeoutError, match=r"no answer within 0\.5 s"):
                         await client.send_goal(b"x", timeout_s=0.5)
-                    mute.undeclare()  # type: ignore[no-untyped-call]
-                    for query in held:
+                    for asked in ("send_goal", "cancel_goal"):  # it may run: it is to end
+                        query = await held.get()
+                        assert str(query.key_expr) == f"auv1/raw/_action/{asked}"
                         query.drop()  # type: ignore[no-untyped-call]
+                    mute.undeclare()  # type: ignore[no-untyped-call]
 
                     async def wait(handle: ServerGoalHandle[bytes, bytes, bytes]) -> None:
                         await handle.cancel_requested()
@@ -104,6 +110,42 @@ def test_nobody_who_serves_nobody_who_answers_and_a_node_that_closes() -> None:
                     await waiting
 
     run_on_zenoh(main())
+
+
+@pytest.mark.parametrize("mode", ["link", "zenoh"])
+def test_a_result_that_cannot_be_sent_aborts_the_goal(mode: str) -> None:
+    async def badly(handle: Handle) -> Goto.Result:
+        handle.succeed()
+        return Goto.Result(depth="deep")  # type: ignore[arg-type]
+
+    async def scene(shore: Node, auv: Node) -> None:
+        auv.create_action_server(Goto, "auv1/goto", badly)
+        if mode == "zenoh":
+            await settle(auv)
+        handle = await shore.create_action_client(Goto, "auv1/goto").send_goal(Goto.Goal(depth=7.0))
+        found = await handle.result()
+        assert (found.status, found.result) == (GoalStatus.ABORTED, None)
+
+    async def on_zenoh() -> None:
+        with router() as (endpoint, _):
+            async with (
+                Node("shore", config=config(), connect=endpoint) as shore,
+                Node("auv1", config=config(2), connect=endpoint) as auv,
+            ):
+                await scene(shore, auv)
+
+    async def on_link() -> None:
+        with channel() as medium:
+            async with (
+                Node("shore", config=config(), link=medium.link(1)) as shore,
+                Node("auv1", config=config(), link=medium.link(2)) as auv,
+            ):
+                await scene(shore, auv)
+
+    if mode == "zenoh":
+        run_on_zenoh(on_zenoh())
+    else:
+        run(on_link())
 
 
 def test_plain_programs_speak_json_or_cbor_with_a_server() -> None:

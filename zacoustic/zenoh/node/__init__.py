@@ -6,7 +6,7 @@ are the same on both. In reading order:
 - `api`: the node, its endpoints, from names to streams, and all of it without asyncio;
 - `form`, `agreement`: from classes to types and back;
 - `carrier`: the contract between endpoints and what carries their values; `routes`, `delivery`,
-  `goals`;
+  `goals`, on `zacoustic.zenoh.ends`;
 - `onlink`: a carrier with its own engine; `onzenoh`: a carrier that uses a gateway.
 
 Importing this package imports no Zenoh.

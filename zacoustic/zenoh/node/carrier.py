@@ -52,9 +52,10 @@ from zacoustic.errors import (
     ServiceError,
     ZacousticError,
 )
+from zacoustic.zenoh.ends.goals import GoalHandler
 from zacoustic.zenoh.node.delivery import Delivery
-from zacoustic.zenoh.node.goals import GoalCarrier
-from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
+from zacoustic.zenoh.node.goals import SentGoals
+from zacoustic.zenoh.node.routes import ActionRoute, ServiceRoute, TopicRoute
 from zacoustic.zenoh.requests.request import Request
 
 Q = TypeVar("Q")
@@ -192,8 +193,18 @@ class Carrier(Protocol):
         ...
 
     @property
-    def goals(self) -> GoalCarrier:
-        """The carrier of the goals of actions."""
+    def sent_goals(self) -> SentGoals:
+        """The goals that this node has sent."""
+        ...
+
+    def serve_goals(
+        self, route: ActionRoute[Any, Any, Any], handler: GoalHandler
+    ) -> Callable[[], None]:
+        """Pass on the goals of an action; return the function that ends it.
+
+        Raises:
+            LocalError: This node already serves the action.
+        """
         ...
 
     async def open(self) -> None:

@@ -1,17 +1,20 @@
-"""The contract of a `Carrier` for the goals of actions.
-
-Values cross it as dicts and bytes, as in the codecs.
-"""
+"""The goals that a program has sent, at the End of its node."""
 
 import asyncio
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any, Final, Protocol
 
 import msgspec
 
 from zacoustic.core.engine.events import GoalFailure, GoalStatus
-from zacoustic.errors import CallTimeoutError, DeliveryError, LocalError, ZacousticError
+from zacoustic.errors import (
+    CallTimeoutError,
+    DeliveryError,
+    LinkClosedError,
+    LocalError,
+    ZacousticError,
+)
+from zacoustic.zenoh.ends.goals import GivenGoal, GoalClient
 from zacoustic.zenoh.node.routes import ActionRoute
 
 TakeFeedback = Callable[[object], None]
@@ -33,23 +36,25 @@ class GoalEnd(msgspec.Struct, frozen=True, kw_only=True):
     """Why the end is unknown here."""
 
 
-class SentGoal(ABC):
-    """A goal that the server has answered, or that this node sent before it restarted.
+class SentGoal(GoalClient):
+    """A goal that a program has sent, or that this node sent before it restarted.
 
     Args:
         name: Name of the action.
-        feed: Takes the feedback; None: nobody does yet.
+        take_feedback: Takes the feedback; None: nobody does yet.
         tag: The bytes given with the goal.
     """
 
-    def __init__(self, name: str, feed: TakeFeedback | None, tag: bytes) -> None:
+    def __init__(self, name: str, take_feedback: TakeFeedback | None, tag: bytes) -> None:
         loop = asyncio.get_running_loop()
         self.accepted = False
         """Whether the goal runs or has run."""
         self.text = ""
         """Why the goal was rejected, one line."""
         self.tag = tag
-        self.feed = feed
+        self.take_feedback = take_feedback
+        self.given: GivenGoal | None = None
+        """The goal at its End."""
         self.known: asyncio.Future[None] = loop.create_future()
         """Done when the goal is answered."""
         self.over: asyncio.Future[GoalEnd] = loop.create_future()
@@ -62,10 +67,12 @@ class SentGoal(ABC):
 
         Raises:
             LocalError: The goal has ended.
+            LinkClosedError: The node was closed, or has failed.
         """
         answer: asyncio.Future[tuple[bool, str]] = asyncio.get_running_loop().create_future()
         self._cancels.append(answer)
-        if not self._ask_cancel():
+        if self.over.done() or self.given is None or not self.given.cancel():
+            self.raise_error(LinkClosedError)
             raise LocalError(f"{self._name}: the goal has ended")
         return await answer
 
@@ -73,104 +80,99 @@ class SentGoal(ABC):
         """Wait for the end of the goal; may be called several times, and cancelled."""
         return await asyncio.shield(self.over)
 
-    def raise_error(self) -> None:
-        """Raise the error that has ended the goal, if one has."""
-        if self.over.done() and (error := self.over.result().error) is not None:
+    def raise_error(self, kind: type[Exception] = Exception) -> None:
+        """Raise the error that has ended the goal, if one of this kind has."""
+        error = self.over.result().error if self.over.done() else None
+        if isinstance(error, kind):
             raise error
 
-    # For the carrier
+    # From the End
 
-    def accept(self) -> None:
-        """Note that the server has accepted the goal."""
+    def accept(self) -> bool:
+        """The goal runs."""
         self.accepted = True
         if not self.known.done():
             self.known.set_result(None)
+        return True
 
-    def reject(self, failure: GoalFailure, text: str) -> None:
-        """Note that the goal was not accepted."""
+    def reject(self, failure: GoalFailure, text: str) -> bool:
+        """The goal does not run."""
         self.text = text or failure.name.lower()
         error = None if failure in _REFUSALS else goal_error(self._name, failure, text)
-        self.end_with(GoalEnd(text=self.text, error=error))
+        return self.end_with(GoalEnd(text=self.text, error=error))
 
-    def answer_cancels(self, accepted: bool, text: str) -> None:
+    def feed(self, value: object) -> bool:
+        """Pass feedback to the application."""
+        if self.take_feedback is not None and not self.over.done():
+            self.take_feedback(value)
+        return True
+
+    def answer_cancel(self, accepted: bool, text: str) -> bool:
         """Note the answer to the request to cancel."""
         waiting, self._cancels = self._cancels, []
         for answer in waiting:
             if not answer.done():
                 answer.set_result((accepted, text))
+        return True
 
-    def end_with(self, end: GoalEnd) -> None:
+    def finish(self, status: GoalStatus, value: object, text: str = "") -> bool:
+        """The goal has ended."""
+        return self.end_with(GoalEnd(status=status, value=value, text=text))
+
+    def lose(self, failure: GoalFailure, text: str) -> bool:
+        """Nothing more will be known of the goal."""
+        is_unknown = failure is GoalFailure.UNKNOWN
+        error = None if is_unknown else goal_error(self._name, failure, text)
+        return self.end_with(GoalEnd(text=text, error=error))
+
+    def end_with(self, end: GoalEnd) -> bool:
         """End the goal."""
         if not self.over.done():
             self.over.set_result(end)
         if not self.known.done():
             self.known.set_result(None)
-        is_over = end.status is GoalStatus.CANCELED
-        self.answer_cancels(is_over, "" if is_over else "the goal has ended")
-
-    @abstractmethod
-    def _ask_cancel(self) -> bool:
-        """Send the request to cancel; False: the goal has ended."""
+        is_canceled = end.status is GoalStatus.CANCELED
+        return self.answer_cancel(is_canceled, "" if is_canceled else "the goal has ended")
 
 
-class TakenGoal(Protocol):
-    """A goal that was sent to this node."""
+class Give(Protocol):
+    """Gives a goal to the End of a node."""
 
-    value: Any
-    """The goal, a dict or bytes."""
-    client: int | None
-    """Acoustic address of the client; None: the client is local."""
-
-    def accept(self) -> bool:
-        """Accept the goal; False: its client has given up, and the goal must not begin."""
-        ...
-
-    def reject(self, failure: GoalFailure, text: str) -> bool:
-        """Reject the goal."""
-        ...
-
-    def feed(self, value: object) -> bool:
-        """Send feedback; False: the goal does not run.
+    def __call__(
+        self,
+        route: ActionRoute[Any, Any, Any],
+        value: object,
+        client: GoalClient,
+        *,
+        timeout_s: float | None,
+        tag: bytes,
+    ) -> GivenGoal:
+        """Give a goal.
 
         Raises:
-            LocalError: The feedback cannot be sent.
+            LocalError: The goal cannot be sent.
         """
         ...
 
-    def finish(self, status: GoalStatus, value: object) -> bool:
-        """End the goal; False: it does not run.
 
-        Raises:
-            LocalError: The result cannot be sent; the goal is aborted without one.
-        """
-        ...
+class SentGoals:
+    """The goals that the programs of one node have sent; for the loop.
 
-    def answer_cancel(self, accepted: bool, text: str) -> bool:
-        """Answer the request to cancel the goal."""
-        ...
+    Args:
+        give: Gives them to the End of the node.
+    """
 
-
-class GoalHandler(Protocol):
-    """The server of an action."""
-
-    def take(self, goal: TakenGoal) -> None:
-        """Take a goal that has arrived."""
-        ...
-
-    def cancel(self, goal: TakenGoal) -> None:
-        """Take a request to cancel an accepted goal."""
-        ...
-
-
-class GoalCarrier(Protocol):
-    """Carries goals: the part of a `Carrier` for actions."""
+    def __init__(self, give: Give) -> None:
+        self._give = give
+        self._sent: set[SentGoal] = set()
+        self._recovered: list[tuple[str, SentGoal]] = []
 
     async def send(
         self,
         route: ActionRoute[Any, Any, Any],
         value: object,
         timeout_s: float | None,
-        feed: TakeFeedback,
+        take_feedback: TakeFeedback,
         tag: bytes,
     ) -> SentGoal:
         """Send a goal and wait for the answer; cancelling this call cancels the goal.
@@ -179,21 +181,41 @@ class GoalCarrier(Protocol):
             LocalError: The goal cannot be sent.
             DeliveryError: Nobody has answered; see `goal_error`.
         """
-        ...
+        sent = SentGoal(route.name, take_feedback, tag)
+        sent.given = self._give(route, value, sent, timeout_s=timeout_s, tag=tag)
+        self._watch(sent)
+        try:
+            await asyncio.shield(sent.known)
+        except asyncio.CancelledError:
+            sent.given.cancel()
+            raise
+        sent.raise_error()
+        return sent
 
-    def recovered(
-        self, route: ActionRoute[Any, Any, Any], feed: TakeFeedback
-    ) -> Sequence[SentGoal]:
-        """Return the goals sent before the restart of this node, each once."""
-        ...
+    def recover(self, given: GivenGoal, name: str, tag: bytes) -> SentGoal:
+        """Take a goal from before the restart, for the program that asks for it."""
+        sent = SentGoal(name, None, tag)
+        sent.given = given
+        self._recovered.append((name, sent))
+        self._watch(sent)
+        return sent
 
-    def serve(self, route: ActionRoute[Any, Any, Any], handler: GoalHandler) -> Callable[[], None]:
-        """Pass on the goals of an action; return the function that ends it.
+    def recovered(self, name: str, take_feedback: TakeFeedback) -> Sequence[SentGoal]:
+        """Return the goals that were sent before the restart, each once."""
+        found = [sent for each, sent in self._recovered if each == name]
+        self._recovered = [each for each in self._recovered if each[0] != name]
+        for sent in found:
+            sent.take_feedback = take_feedback
+        return found
 
-        Raises:
-            LocalError: This node already serves the action.
-        """
-        ...
+    def end_all(self, error: Exception) -> None:
+        """Inform the waiting callers that no answer will come."""
+        for sent in tuple(self._sent):
+            sent.end_with(GoalEnd(error=error))
+
+    def _watch(self, sent: SentGoal) -> None:
+        self._sent.add(sent)
+        sent.over.add_done_callback(lambda _: self._sent.discard(sent))
 
 
 def goal_error(name: str, failure: GoalFailure, text: str) -> ZacousticError:

@@ -14,9 +14,10 @@ import msgspec
 
 from zacoustic.core.engine.events import GoalFailure, GoalStatus
 from zacoustic.errors import DeliveryError, LocalError, ZacousticError
+from zacoustic.zenoh.ends.goals import TakenGoal
 from zacoustic.zenoh.node.api.service import Spawn
 from zacoustic.zenoh.node.carrier import Carrier
-from zacoustic.zenoh.node.goals import GoalEnd, SentGoal, TakenGoal
+from zacoustic.zenoh.node.goals import GoalEnd, SentGoal
 from zacoustic.zenoh.node.routes import ActionRoute
 
 _logger = logging.getLogger(__name__)
@@ -191,7 +192,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
         if timeout_s is not None and not 0 < timeout_s < float("inf"):
             raise LocalError(f"timeout_s is {timeout_s}; allowed: above 0")
         feed = self._feeder(feedback_callback)
-        sent = await self._carrier.goals.send(self._route, goal, timeout_s, feed, tag)
+        sent = await self._carrier.sent_goals.send(self._route, goal, timeout_s, feed, tag)
         return GoalHandle(self._route, sent)
 
     def recovered(
@@ -201,7 +202,7 @@ class ActionClient(Generic[Goal, Feedback, Result]):
 
         Only in direct mode with a journal; on Zenoh the gateway keeps them.
         """
-        found = self._carrier.goals.recovered(self._route, self._feeder(feedback_callback))
+        found = self._carrier.sent_goals.recovered(self.name, self._feeder(feedback_callback))
         return [GoalHandle(self._route, sent) for sent in found]
 
     def close(self) -> None:
@@ -312,6 +313,7 @@ class ServerGoalHandle(Generic[Goal, Feedback, Result]):
                 _logger.warning("%s: nobody waits for the goal any more", self.name)
         except ZacousticError as error:
             _logger.warning("%s: the result cannot be sent: %s", self.name, error)
+            self._taken.finish(GoalStatus.ABORTED, None, str(error))
 
     def _say(self, status: GoalStatus, result: Result | None) -> None:
         if self.status is not None:
@@ -363,7 +365,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
         self._spawn = spawn
         self._tasks: set[asyncio.Task[None]] = set()
         self._running: dict[TakenGoal, ServerGoalHandle[Goal, Feedback, Result]] = {}
-        self._stop = carrier.goals.serve(route, self)
+        self._stop = carrier.serve_goals(route, self)
 
     def close(self) -> None:
         """Stop serving and abort the goals that run. May be called again."""
@@ -432,7 +434,7 @@ class ActionServer(Generic[Goal, Feedback, Result]):
     async def _decide_cancel(self, taken: TakenGoal) -> None:
         handle = self._running.get(taken)
         if handle is None:
-            taken.answer_cancel(False, "the goal is over")
+            taken.answer_cancel(False, "the goal does not run")
             return
         accepts, text = True, ""
         if self._cancel_callback is not None:

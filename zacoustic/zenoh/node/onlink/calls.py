@@ -1,7 +1,7 @@
 """Calls over a link: those that a local program makes, and those that it serves."""
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from zacoustic.core.engine.events import CallFailed, CallFailure, RequestReceived
 from zacoustic.core.streams.table import StreamTable
@@ -9,9 +9,7 @@ from zacoustic.errors import LocalError
 from zacoustic.run.runner import LinkRunner
 from zacoustic.zenoh.node.carrier import IncomingCall, call_error
 from zacoustic.zenoh.node.onlink.callers import Callers
-from zacoustic.zenoh.node.routes import ActionRoute, ServiceRoute
-
-T = TypeVar("T")
+from zacoustic.zenoh.node.routes import ServiceRoute
 
 
 class LinkCalls:
@@ -50,7 +48,16 @@ class LinkCalls:
         Raises:
             LocalError: This node already serves the service.
         """
-        return add_server(self._servers, route, handle)
+        stream_id = route.known_stream.stream_id
+        if stream_id in self._servers:
+            raise LocalError(f"{route.name} is served by this node already")
+        self._servers[stream_id] = handle
+
+        def remove() -> None:
+            if self._servers.get(stream_id) is handle:
+                del self._servers[stream_id]
+
+        return remove
 
     def requested(self, event: RequestReceived) -> None:
         """Pass a request to the program that serves it."""
@@ -90,25 +97,3 @@ class LinkCall:
                 lambda engine, now: engine.reply_error(self._call, failure, text, now)
             )
         )
-
-
-def add_server(
-    servers: dict[int, T],
-    route: ServiceRoute[Any, Any] | ActionRoute[Any, Any, Any],
-    server: T,
-) -> Callable[[], None]:
-    """Add the server of a stream; return the function that removes it.
-
-    Raises:
-        LocalError: It has one.
-    """
-    stream_id = route.known_stream.stream_id
-    if stream_id in servers:
-        raise LocalError(f"{route.name} is served by this node already")
-    servers[stream_id] = server
-
-    def remove() -> None:
-        if servers.get(stream_id) is server:
-            del servers[stream_id]
-
-    return remove

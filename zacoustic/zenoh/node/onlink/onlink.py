@@ -29,14 +29,16 @@ from zacoustic.errors import LinkClosedError
 from zacoustic.run.dispatching import Dispatcher
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.pending import CallEnd, Pending
+from zacoustic.zenoh.ends.enginegoals import EngineGoals
+from zacoustic.zenoh.ends.goals import GivenGoal, GoalClient, GoalHandler
 from zacoustic.zenoh.node.carrier import NodeEvent, Outlet
+from zacoustic.zenoh.node.goals import SentGoals
 from zacoustic.zenoh.node.onlink.callers import Callers
 from zacoustic.zenoh.node.onlink.calls import LinkCalls
-from zacoustic.zenoh.node.onlink.goals import LinkGoals
 from zacoustic.zenoh.node.onlink.listeners import Listeners
 from zacoustic.zenoh.node.onlink.publishing import LinkOutlet, LinkPublishing
 from zacoustic.zenoh.node.onlink.ranges import LinkRanges
-from zacoustic.zenoh.node.routes import TopicRoute
+from zacoustic.zenoh.node.routes import ActionRoute, TopicRoute
 from zacoustic.zenoh.requests.context import RequestContext
 
 CLOSE_LINGER_S: Final = 5.0
@@ -80,7 +82,13 @@ class LinkCarrier:
         self._callers = Callers(self._context)
         self._calls = LinkCalls(table, self._callers)
         self._ranges = LinkRanges(self._callers)
-        self.goals = LinkGoals(self._runner, table)
+        self.sent_goals = SentGoals(self._give_goal)
+        self._goals = EngineGoals(
+            self._runner,
+            table,
+            complain=lambda name, word, text: _logger.warning("%s: %s: %s", name, word, text),
+            recover=lambda given: self.sent_goals.recover(given, given.name, given.tag),
+        )
         self.subscribe = self._listeners.add
         self.call, self.serve = self._calls.call, self._calls.serve
         self.range = self._ranges.measure
@@ -106,6 +114,12 @@ class LinkCarrier:
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Create the outlet of a publisher."""
         return LinkOutlet(self._publishing, route)
+
+    def serve_goals(
+        self, route: ActionRoute[Any, Any, Any], handler: GoalHandler
+    ) -> Callable[[], None]:
+        """Pass on the goals of an action; return the function that ends it."""
+        return self._goals.serve(route.known_stream.stream_id, handler)
 
     def refuse(self, source: int, transfer: int) -> bool:
         """Refuse the rest of an incoming large sample."""
@@ -164,6 +178,18 @@ class LinkCarrier:
             finally:
                 timer.cancel()
 
+    def _give_goal(
+        self,
+        route: ActionRoute[Any, Any, Any],
+        value: object,
+        client: GoalClient,
+        *,
+        timeout_s: float | None,
+        tag: bytes,
+    ) -> GivenGoal:
+        stream_id = route.known_stream.stream_id
+        return self._goals.give(stream_id, value, client, timeout_s=timeout_s, tag=tag)
+
     # Events of the engine
 
     def _dispatcher(self) -> Dispatcher:
@@ -172,7 +198,7 @@ class LinkCarrier:
             {
                 **dict.fromkeys(get_args(Event), ()),
                 **dict.fromkeys(get_args(NodeEvent), (self._report,)),
-                **dict.fromkeys(get_args(ActionEvent), (self.goals.deliver,)),
+                **dict.fromkeys(get_args(ActionEvent), (self._goals.deliver,)),
                 SampleReceived: (self._listeners.deliver,),
                 RequestReceived: (self._calls.requested,),
                 ResponseReceived: (self._answer,),
@@ -252,6 +278,6 @@ class LinkCarrier:
             self._fail(error)
 
     def _end_all(self, error: Exception) -> None:
-        for each in (self._callers, self.goals):
+        for each in (self._callers, self.sent_goals):
             each.end_all(error)
         self._publishing.deliveries.fail(error)

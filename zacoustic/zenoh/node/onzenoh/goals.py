@@ -1,44 +1,37 @@
-"""The goals of a node on a Zenoh session.
+"""The goals of a node at its End, a Zenoh network.
 
 `zacoustic.zenoh.session.asking.goals` defines the messages.
 """
 
 import asyncio
-import os
+import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from functools import partial
 from typing import Any, Final
 
 import zenoh
 
-from zacoustic.core.engine.events import CallFailure, GoalFailure, GoalStatus
 from zacoustic.errors import LinkClosedError, PayloadInvalidError
 from zacoustic.run.inbox import WakeUp
-from zacoustic.zenoh.node.carrier import call_error
+from zacoustic.zenoh.ends.goals import GivenGoal, GoalClient, GoalHandler
+from zacoustic.zenoh.ends.zenohclients import ZenohClients
+from zacoustic.zenoh.ends.zenohservers import ZenohServers
 from zacoustic.zenoh.node.form import Form
-from zacoustic.zenoh.node.goals import GoalEnd, GoalHandler, SentGoal, TakeFeedback
+from zacoustic.zenoh.node.goals import SentGoals
 from zacoustic.zenoh.node.onzenoh.session import zenoh_errors
 from zacoustic.zenoh.node.routes import ActionRoute
-from zacoustic.zenoh.session.asking.goalrequest import FeedbackEar, LocalGoalRequest
-from zacoustic.zenoh.session.asking.goals import (
-    GOAL_ID_BYTES,
-    ActionKey,
-    ActionMessages,
-    Ending,
-    Verdict,
-)
-from zacoustic.zenoh.session.asking.goalserver import LocalGoalServer
-from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
-from zacoustic.zenoh.session.marker import read_marker
+from zacoustic.zenoh.session.asking.goals import ActionKey, ActionMessages, Ending
+from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
 
 QUERIES_LIMIT: Final = 256
 """Most queries about the goals of one action that are held at once."""
 _CLOSED_TEXT: Final = "the action server was closed"
-# Zenoh's own time limit is above ours, because our error says more.
-_BEHIND_S: Final = 1.0
 # A restarted gateway is back after some seconds.
 _PATIENCE_S: Final = 120.0
+
+_logger = logging.getLogger(__name__)
 
 Route = ActionRoute[Any, Any, Any]
 Keep = Callable[[Callable[[], None]], Callable[[], None]]
@@ -54,162 +47,15 @@ class ZenohGoals:
     """
 
     def __init__(self, zenoh_session: Callable[[], ZenohSession], keep: Keep) -> None:
+        self.sent = SentGoals(self._give)
+        """The goals that this node has sent."""
         self._zenoh_session = zenoh_session
         self._keep = keep
-        self._sent: dict[bytes, ZenohSentGoal] = {}
-        self._ears: set[str] = set()
-
-    async def send(
-        self,
-        route: Route,
-        value: object,
-        timeout_s: float | None,
-        feed: TakeFeedback,
-        tag: bytes,
-    ) -> SentGoal:
-        """Send a goal and wait for the answer; cancelling this call cancels the goal."""
-        messages = messages_of(route)
-        limit_s = route.timeout_s if timeout_s is None else min(timeout_s, route.timeout_s)
-        self._hear(route, messages)
-        goal_id = os.urandom(GOAL_ID_BYTES)
-        checked = _checked(route.goal, value)
-        sent = ZenohSentGoal(self._zenoh_session(), route, messages, goal_id, feed, tag)
-        self._sent[goal_id] = sent
-        try:
-            sent.goal_request.begin(checked, limit_s + _BEHIND_S)
-            async with asyncio.timeout(limit_s):
-                await asyncio.shield(sent.known)
-        except (TimeoutError, asyncio.CancelledError) as error:
-            sent.goal_request.cancel()
-            self._sent.pop(goal_id, None)
-            if isinstance(error, asyncio.CancelledError):
-                raise
-            text = f"no answer within {limit_s:g} s"
-            raise call_error(route.name, CallFailure.TIMED_OUT, text) from None
-        sent.over.add_done_callback(lambda _: self._sent.pop(goal_id, None))
-        sent.raise_error()
-        return sent
-
-    def recovered(self, route: Route, feed: TakeFeedback) -> Sequence[SentGoal]:
-        """Return nothing: the gateway keeps the goals."""
-        return ()
+        self._servers: dict[str, ZenohServers] = {}
 
     def serve(self, route: Route, handler: GoalHandler) -> Callable[[], None]:
         """Declare the queryable of an action."""
-        zenoh_session = self._zenoh_session()
-        server = _Server(route, handler, zenoh_session)
-        with zenoh_errors(route.name):
-            queryable = zenoh_session.session.declare_queryable(
-                zenoh.KeyExpr(*messages_of(route).served()),
-                zenoh_session.callback(server.bring),
-                complete=True,
-                allowed_origin=zenoh.Locality.REMOTE,
-            )
-
-        def end() -> None:
-            queryable.undeclare()  # type: ignore[no-untyped-call]
-            server.close()
-
-        return self._keep(end)
-
-    def close(self) -> None:
-        """Inform the waiting callers that no answer will come."""
-        sent = list(self._sent.values())
-        self._sent.clear()
-        for each in sent:
-            each.goal_request.close()
-            each.end_with(GoalEnd(error=LinkClosedError("the node was closed")))
-
-    def _hear(self, route: Route, messages: ActionMessages) -> None:
-        """Subscribe to the feedback of an action, once."""
-        if route.name in self._ears:
-            return
-        zenoh_session = self._zenoh_session()
-        ear = FeedbackEar(messages, self._take_feedback, hears_marked=True)
-        with zenoh_errors(route.name):
-            subscriber = zenoh_session.session.declare_subscriber(
-                zenoh.KeyExpr(ActionKey.FEEDBACK.of(route.name)),
-                zenoh_session.callback(ear.take),
-                allowed_origin=zenoh.Locality.REMOTE,
-            )
-        self._ears.add(route.name)
-        self._keep(subscriber.undeclare)
-
-    def _take_feedback(self, goal_id: bytes, value: object) -> None:
-        sent = self._sent.get(goal_id)
-        if sent is not None and sent.feed is not None and not sent.over.done():
-            sent.feed(value)
-
-
-class ZenohSentGoal(SentGoal):
-    """A goal that this node has sent."""
-
-    def __init__(
-        self,
-        zenoh_session: ZenohSession,
-        route: Route,
-        messages: ActionMessages,
-        goal_id: bytes,
-        feed: TakeFeedback,
-        tag: bytes,
-    ) -> None:
-        super().__init__(route.name, feed, tag)
-        self.goal_request = LocalGoalRequest(
-            zenoh_session,
-            messages,
-            goal_id,
-            self,
-            priority=route.qos.priority,
-            patience_s=min(route.result_timeout_s, _PATIENCE_S),
-        )
-
-    # For the goal request
-
-    def answered(self, goal_id: bytes, verdict: Verdict) -> None:
-        """Take the answer to the goal."""
-        if verdict.accepted:
-            self.accept()
-        else:
-            self.reject(verdict.failure or GoalFailure.REJECTED, verdict.text)
-
-    def cancel_answered(self, goal_id: bytes, verdict: Verdict) -> None:
-        """Take the answer to the request to cancel."""
-        self.answer_cancels(verdict.accepted, verdict.text)
-
-    def ended(self, goal_id: bytes, ending: Ending) -> None:
-        """Take the end of the goal."""
-        self.end_with(GoalEnd(status=ending.status, value=ending.result, text=ending.text))
-
-    def lost(self, goal_id: bytes, failure: CallFailure, text: str) -> None:
-        """End the goal, because nothing more will be known of it."""
-        if self.accepted and failure in (CallFailure.BAD_REQUEST, CallFailure.UNKNOWN):
-            self.end_with(GoalEnd(text=text))  # no gateway knows it any more
-        else:
-            self.end_with(GoalEnd(text=text, error=call_error(self._name, failure, text)))
-
-    # Below the methods above
-
-    def _ask_cancel(self) -> bool:
-        if self.over.done():
-            return False
-        self.goal_request.cancel()
-        return True
-
-
-class _Server:
-    """Receives the goals of one action; created on the loop."""
-
-    def __init__(self, route: Route, handler: GoalHandler, zenoh_session: ZenohSession) -> None:
-        self._route = route
-        self._handler = handler
-        self._goals: dict[bytes, _TakenGoal] = {}
-        bell = WakeUp(asyncio.get_running_loop())
-        self._queries = QueryHandler(
-            zenoh_session.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
-        )
-        bell.open(self._queries.serve)
-
-        messages = messages_of(route)
+        zenoh_session, messages = self._zenoh_session(), ProgramMessages(route)
 
         def put(which: ActionKey, payload: bytes) -> None:
             zenoh_session.put(
@@ -219,94 +65,102 @@ class _Server:
                 priority=route.qos.priority,
             )
 
-        self.goal_server = LocalGoalServer(
+        clients = ZenohClients(
             messages,
-            self,
+            handler,
             put=put,
             keep_s=route.result_timeout_s,
             clock=time.monotonic_ns,
+            takes_marked=True,
         )
+        bell = WakeUp(asyncio.get_running_loop())
+        queries = QueryHandler(
+            zenoh_session.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
+        )
+        bell.open(queries.serve)
+        with zenoh_errors(route.name):
+            queryable = zenoh_session.session.declare_queryable(
+                zenoh.KeyExpr(*messages.served()),
+                zenoh_session.callback(partial(queries.admit, clients.take)),
+                complete=True,
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
 
-    def bring(self, query: zenoh.Query) -> None:
-        """Take a query; on Zenoh's thread."""
-        self._queries.admit(self.goal_server.take, query)
+        def end() -> None:
+            queryable.undeclare()  # type: ignore[no-untyped-call]
+            queries.close()
+
+        return self._keep(end)
 
     def close(self) -> None:
-        """Refuse held queries, and later ones."""
-        self._queries.close()
+        """Inform the waiting callers that no answer will come."""
+        for servers in self._servers.values():
+            servers.close()
+        self.sent.end_all(LinkClosedError("the node was closed"))
 
-    def forget(self, goal_id: bytes) -> None:
-        """Forget a goal that has ended."""
-        self._goals.pop(goal_id, None)
+    def _give(
+        self,
+        route: Route,
+        value: object,
+        client: GoalClient,
+        *,
+        timeout_s: float | None,
+        tag: bytes,
+    ) -> GivenGoal:
+        limit_s = route.timeout_s if timeout_s is None else min(timeout_s, route.timeout_s)
+        return self._servers_of(route).give(value, client, limit_s=limit_s)
 
-    # For the goal server
+    def _servers_of(self, route: Route) -> ZenohServers:
+        """Return the servers of an action; the first time, subscribe to their feedback."""
+        servers = self._servers.get(route.name)
+        if servers is not None:
+            return servers
+        zenoh_session = self._zenoh_session()
+        servers = ZenohServers(
+            zenoh_session,
+            route.name,
+            ProgramMessages(route),
+            priority=route.qos.priority,
+            patience_s=min(route.result_timeout_s, _PATIENCE_S),
+            complain=lambda name, word, text: _logger.warning("%s: %s: %s", name, word, text),
+            hears_marked=True,
+        )
+        with zenoh_errors(route.name):
+            subscriber = zenoh_session.session.declare_subscriber(
+                zenoh.KeyExpr(servers.form.key(ActionKey.FEEDBACK)),
+                zenoh_session.callback(servers.hear),
+                allowed_origin=zenoh.Locality.REMOTE,
+            )
+        self._servers[route.name] = servers
+        self._keep(subscriber.undeclare)
+        return servers
 
-    def begin(self, goal_id: bytes, value: object, held: HeldQuery) -> None:
-        """Pass a goal to the application."""
-        marker = read_marker(held.query.attachment)
-        client = marker.acoustic if marker is not None else None
-        goal = self._goals[goal_id] = _TakenGoal(self, self._route, goal_id, value, client)
-        self._handler.take(goal)
 
-    def cancel(self, goal_id: bytes) -> None:
-        """Ask the application to cancel a goal."""
-        goal = self._goals.get(goal_id)
-        if goal is None or not goal.is_accepted:
-            refused = Verdict(accepted=False, text="the goal does not run")
-            self.goal_server.answer_cancel(goal_id, refused)
-        else:
-            self._handler.cancel(goal)
+class ProgramMessages(ActionMessages):
+    """The messages of a program, whose values may be anything.
 
+    Args:
+        route: The action.
+    """
 
-class _TakenGoal:
-    """A goal that arrived over Zenoh; see `TakenGoal`."""
-
-    def __init__(
-        self, server: _Server, route: Route, goal_id: bytes, value: object, client: int | None
-    ) -> None:
-        self.value: Any = value
-        self.client = client
-        self.is_accepted = False
-        self._server = server
+    def __init__(self, route: Route) -> None:
+        super().__init__(
+            route.name, route.goal.spec, route.feedback.spec, route.result.spec, route.encoding
+        )
         self._route = route
-        self._goal_id = goal_id
+        self._forms = {ActionKey.SEND_GOAL: route.goal, ActionKey.FEEDBACK: route.feedback}
 
-    def accept(self) -> bool:
-        self.is_accepted = True
-        self._server.goal_server.answer(self._goal_id, Verdict(accepted=True))
-        return True
+    def write_asked(self, which: ActionKey, goal_id: bytes, value: object = None) -> bytes:
+        """Check the value, and write a query or feedback."""
+        form = self._forms.get(which)
+        return super().write_asked(which, goal_id, value if form is None else _checked(form, value))
 
-    def reject(self, failure: GoalFailure, text: str) -> bool:
-        self._server.forget(self._goal_id)
-        refused = Verdict(accepted=False, failure=failure, text=text)
-        self._server.goal_server.answer(self._goal_id, refused)
-        return True
-
-    def feed(self, value: object) -> bool:
-        self._server.goal_server.feed(self._goal_id, _checked(self._route.feedback, value))
-        return True
-
-    def finish(self, status: GoalStatus, value: object) -> bool:
-        self._server.forget(self._goal_id)
-        goal_server = self._server.goal_server
-        try:
-            result = None if value is None else _checked(self._route.result, value)
-            goal_server.end(self._goal_id, Ending(status=status, result=result))
-        except PayloadInvalidError as error:
-            goal_server.end(self._goal_id, Ending(status=GoalStatus.ABORTED, text=str(error)))
-            raise
-        return True
-
-    def answer_cancel(self, accepted: bool, text: str) -> bool:
-        self._server.goal_server.answer_cancel(self._goal_id, Verdict(accepted=accepted, text=text))
-        return True
-
-
-def messages_of(route: Route) -> ActionMessages:
-    """Return the reader and writer of an action's messages."""
-    return ActionMessages(
-        route.name, route.goal.spec, route.feedback.spec, route.result.spec, route.encoding
-    )
+    def write_ending(self, ending: Ending) -> bytes:
+        """Check the result, and write the answer to `GET_RESULT`."""
+        if ending.result is None:
+            return super().write_ending(ending)
+        result = _checked(self._route.result, ending.result)
+        return super().write_ending(Ending(status=ending.status, result=result, text=ending.text))
 
 
 def _checked(form: Form[Any], value: object) -> object:

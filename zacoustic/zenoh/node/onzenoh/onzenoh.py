@@ -79,7 +79,9 @@ class ZenohCarrier:
         self._is_up: bool | None = None
         self._ends: dict[object, Callable[[], None]] = {}
         self._calls: set[asyncio.Future[object]] = set()
-        self.goals = ZenohGoals(lambda: self.zenoh_session, self._keep)
+        self._goals = ZenohGoals(lambda: self.zenoh_session, self._keep)
+        self.sent_goals = self._goals.sent
+        self.serve_goals = self._goals.serve
 
     @property
     def stats(self) -> EngineStats:
@@ -124,7 +126,7 @@ class ZenohCarrier:
         """Close the session and inform the callers of open calls. May be called again."""
         if self._open_session is None:
             return
-        self.goals.close()
+        self._goals.close()
         for end in tuple(self._ends.values()):
             end()
         zenoh_session, self._open_session = self._open_session, None
