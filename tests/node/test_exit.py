@@ -1,5 +1,6 @@
 """A script that ends without closing its node ends, with the exit code of its own."""
 
+import asyncio
 import subprocess
 import sys
 import threading
@@ -134,27 +135,26 @@ def test_a_call_for_which_no_thread_starts_any_more_is_settled_and_ends(
 
     async def main() -> None:
         zenoh_session = await ZenohSession.open(zenoh_config("peer"))
-        settled: list[Question] = []
-        question = Question("auv1/echo", settled.append)
-        failures: list[RuntimeError] = []
-        """As long as somebody has them, their frames keep the callback that no thread took."""
-
-        def ask() -> None:
-            try:
-                question.ask(zenoh_session, b"x", priority=Priority.DATA, timeout_s=LONG_S)
-            except RuntimeError as failure:
-                failures.append(failure)
-
+        settled: asyncio.Queue[Question] = asyncio.Queue()
         worker = zenoh_session.worker
         try:
             with monkeypatch.context() as ending:
                 ending.setattr(threading.Thread, "start", refuse)
-                await worker.run(ask, limit_s=LIMIT_S)
-            assert len(failures) == 1
-            assert settled == [question]
-            await worker.run(question.cancel, limit_s=LIMIT_S)
+                question = Question(
+                    zenoh_session,
+                    "auv1/echo",
+                    settled.put_nowait,
+                    b"x",
+                    priority=Priority.DATA,
+                    timeout_s=LONG_S,
+                )
+                await worker.run(lambda: None, limit_s=LIMIT_S)
+            async with asyncio.timeout(LIMIT_S):
+                assert await settled.get() is question
+            assert question.good is None
+            question.cancel()
+            await worker.run(lambda: None, limit_s=LIMIT_S)
         finally:
-            failures.clear()
             await zenoh_session.close()
 
     run(main())

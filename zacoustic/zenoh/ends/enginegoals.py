@@ -16,8 +16,9 @@ from zacoustic.core.transport.actions.events import (
     GoalRecovered,
     ResultReceived,
 )
-from zacoustic.errors import LocalError, PayloadInvalidError
+from zacoustic.errors import PayloadInvalidError, ZacousticError
 from zacoustic.run.runner import LinkRunner
+from zacoustic.zenoh.ends.enginecalls import add_server
 from zacoustic.zenoh.ends.goals import Complain, GoalClient, GoalHandler, TakenGoal
 
 
@@ -83,10 +84,7 @@ class EngineGoals:
         Raises:
             LocalError: This node already serves the action.
         """
-        if stream_id in self._handlers:
-            raise LocalError(f"{self._table.by_id(stream_id).name} is served by this node already")
-        self._handlers[stream_id] = handler
-        return lambda: self._stop(stream_id, handler)
+        return add_server(self._handlers, self._table.by_id(stream_id), handler)
 
     def deliver(self, event: ActionEvent) -> None:
         """Take an event of the engine."""
@@ -122,12 +120,11 @@ class EngineGoals:
         if handler is None:
             text = f"no program serves {self.name_of(event.goal)}"
             taken.reject(GoalFailure.NO_SERVER, text)
-        else:
+            return
+        try:
             handler.take(taken)
-
-    def _stop(self, stream_id: int, handler: GoalHandler) -> None:
-        if self._handlers.get(stream_id) is handler:
-            del self._handlers[stream_id]
+        except ZacousticError as error:
+            taken.reject(GoalFailure.BAD_GOAL, str(error))
 
 
 class EngineGivenGoal:

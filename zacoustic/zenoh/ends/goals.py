@@ -94,7 +94,7 @@ class GoalHandler(Protocol):
         """Take a goal.
 
         Raises:
-            ZacousticError: It cannot be taken; only a Zenoh network tells its client so.
+            ZacousticError: It cannot be taken.
         """
         ...
 

@@ -11,7 +11,7 @@ import zenoh
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.engine.events import CallFailure, GoalFailure
 from zacoustic.errors import PayloadInvalidError, ZacousticError
-from zacoustic.run.inbox import crossing, tell_loop
+from zacoustic.run.inbox import crossing
 from zacoustic.zenoh.ends.goals import Complain, GoalClient
 from zacoustic.zenoh.session.asking.goals import GOAL_ID_BYTES, ActionForm, ActionKey, Verdict
 from zacoustic.zenoh.session.asking.question import Question
@@ -168,31 +168,26 @@ class ZenohGivenGoal:
         self._end()
         questions, self._questions = self._questions, set()
         for question in questions:
-            self._servers.zenoh_session.worker.submit(question.cancel)
+            question.cancel()
 
     # Below the methods above
 
     def _ask(
         self, key: ActionKey, payload: bytes, timeout_s: float, take: Callable[[Question], None]
     ) -> None:
-        def settle(question: Question) -> None:
-            tell_loop(self._loop, partial(self._settle, question, take))
-
-        question = Question(self._form.key(key), settle)
-        self._questions.add(question)
-        self._servers.zenoh_session.worker.submit(
-            partial(
-                question.ask,
-                self._servers.zenoh_session,
-                payload,
-                encoding=self._form.encoding,
-                priority=self._servers.priority,
-                timeout_s=timeout_s,
-                attachment=self._form.question_mark(key, self._mark),
-            )
+        question = Question(
+            self._servers.zenoh_session,
+            self._form.key(key),
+            partial(self._settle, take),
+            payload,
+            encoding=self._form.encoding,
+            priority=self._servers.priority,
+            timeout_s=timeout_s,
+            attachment=self._form.question_mark(key, self._mark),
         )
+        self._questions.add(question)
 
-    def _settle(self, question: Question, take: Callable[[Question], None]) -> None:
+    def _settle(self, take: Callable[[Question], None], question: Question) -> None:
         self._questions.discard(question)
         if not self._is_over:
             take(question)

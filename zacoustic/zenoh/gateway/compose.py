@@ -174,9 +174,8 @@ class Composition:
             zenoh_session,
             self._input_errors,
             self._dialects,
-            self._ends,
+            self._context,
             clock=self._clock,
-            ring=ring,
         )
         actions = Actions(
             self._redundant.address,

@@ -244,20 +244,15 @@ class LostContactActions:
             if action.is_ros:
                 mark = dialect.question_mark(CallKey(self._address, 0, dialect.stream.stream_id, 0))
 
-        def take(question: Question) -> None:
-            tell_loop(self._loop, lambda: settle(*_outcome(question, action, dialect)))
-
-        each.question = question = Question(key, take)
-        self._zenoh_session.worker.submit(
-            partial(
-                question.ask,
-                self._zenoh_session,
-                payload,
-                encoding=encoding,
-                priority=Priority.REAL_TIME,
-                timeout_s=action.timeout_s,
-                attachment=mark,
-            )
+        each.question = Question(
+            self._zenoh_session,
+            key,
+            lambda question: settle(*_outcome(question, action, dialect)),
+            payload,
+            encoding=encoding,
+            priority=Priority.REAL_TIME,
+            timeout_s=action.timeout_s,
+            attachment=mark,
         )
 
     def _put(self, each: _Attempts, settle: Callable[[str, str], None]) -> None:
@@ -309,7 +304,7 @@ class LostContactActions:
     def _cancel(self, each: _Attempts) -> None:
         question = each.stop()
         if question is not None:
-            self._zenoh_session.worker.submit(question.cancel)
+            question.cancel()
 
     def _mark(self, each: _Attempts) -> bytes:
         return Marker(acoustic=self._address, call=each.loss).encode()

@@ -6,7 +6,7 @@ docstring says otherwise, and no callback given to a carrier may raise.
 """
 
 from collections.abc import Callable
-from typing import Any, Final, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 
@@ -16,7 +16,6 @@ from zacoustic.core.engine.events import (
     AccessStateChanged,
     AddressShared,
     BulkChanged,
-    CallFailure,
     ClockStateChanged,
     ContactLost,
     ContactRestored,
@@ -46,12 +45,10 @@ from zacoustic.core.streams.table import Stream
 from zacoustic.core.transport.objects.progress import ObjectProgress
 from zacoustic.errors import (
     CallTimeoutError,
-    DeliveryError,
-    OutcomeUnknownError,
     RangeUnavailableError,
-    ServiceError,
     ZacousticError,
 )
+from zacoustic.zenoh.ends.calls import TakeCall
 from zacoustic.zenoh.ends.goals import GoalHandler
 from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.goals import SentGoals
@@ -92,9 +89,6 @@ NodeEvent = (
 )
 """Events of a node other than samples and calls; on Zenoh only the first kind."""
 
-CLOSED_TEXT: Final = "the service was closed"
-"""Error text for callers whose calls were still open."""
-
 
 class Incoming(msgspec.Struct, frozen=True, kw_only=True):
     """A received sample."""
@@ -117,31 +111,6 @@ class Incoming(msgspec.Struct, frozen=True, kw_only=True):
     """Instant of arrival, ns."""
     metrics: LinkMetrics
     """The modem's measurements of the frame."""
-
-
-class IncomingCall(Protocol):
-    """A received call, to be answered once."""
-
-    value: Any
-    """The request, a dict or bytes."""
-    client: int | None
-    """Acoustic address of the caller; None: the caller is local."""
-    call_id: str | None
-    """Call id; None: the caller is local."""
-    deadline_at: int
-    """Instant after which an answer is useless, ns."""
-
-    def reply(self, value: object) -> bool:
-        """Answer; False: it is too late, or the call was already answered.
-
-        Raises:
-            LocalError: The response cannot be sent; the caller has been informed.
-        """
-        ...
-
-    def fail(self, failure: CallFailure, text: str) -> bool:
-        """Answer with an error; False: it is too late, or the call was already answered."""
-        ...
 
 
 class Outlet(Protocol):
@@ -273,40 +242,9 @@ class Carrier(Protocol):
         """
         ...
 
-    def serve(
-        self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
-    ) -> Callable[[], None]:
+    def serve(self, route: ServiceRoute[Any, Any], take: TakeCall) -> Callable[[], None]:
         """Pass on the calls of a service; return the function that ends it."""
         ...
-
-
-_HINTS: Final = {
-    CallFailure.NO_SERVER: "start the program that serves it",
-    CallFailure.TABLE_MISMATCH: "compare both configs: zacoustic config check FILE",
-    CallFailure.TIMED_OUT: "whether the service ran is unknown",
-    CallFailure.UNKNOWN: "whether it has done its work is unknown",
-}
-
-_KINDS: Final = {
-    CallFailure.TIMED_OUT: CallTimeoutError,
-    CallFailure.UNKNOWN: OutcomeUnknownError,
-}
-_REASONS: Final = {CallFailure.UNKNOWN: "the server ended without an answer"}
-
-
-def call_error(name: str, failure: CallFailure, text: str) -> ZacousticError:
-    """Return the exception for a call without a response.
-
-    Returns:
-        `ServiceError` if the handler failed, with its text; `CallTimeoutError` if no answer came in
-        time; `OutcomeUnknownError` if the server ended without an answer; otherwise
-        `DeliveryError`.
-    """
-    if failure is CallFailure.HANDLER:
-        return ServiceError(text or "the handler failed without a word")
-    kind = _KINDS.get(failure, DeliveryError)
-    reason = text or _REASONS.get(failure) or failure.name.lower().replace("_", " ")
-    return kind(f"{name}: {reason}", hint=_HINTS.get(failure, ""))
 
 
 def range_error(event: RangeFailed) -> ZacousticError:

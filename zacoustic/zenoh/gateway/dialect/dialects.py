@@ -20,6 +20,7 @@ from zacoustic.core.base.qos import Durability, Stamp
 from zacoustic.core.engine.events import CallKey, SampleReceived
 from zacoustic.core.streams.specs import ActionSpec, ServiceSpec
 from zacoustic.core.streams.table import Stream
+from zacoustic.zenoh.ends.zenohcalls import CallForm
 from zacoustic.zenoh.gateway.dialect.lastvalues import LastValue
 from zacoustic.zenoh.gateway.dialect.latched import LatchedKeys
 from zacoustic.zenoh.gateway.dialect.mailbox import Parcel
@@ -246,7 +247,7 @@ class PlainTopic(TopicDialect):
         ).encode()
 
 
-class ServiceDialect(ABC):
+class ServiceDialect(CallForm):
     """One service.
 
     Args:
@@ -260,38 +261,6 @@ class ServiceDialect(ABC):
     def key(self) -> str:
         """The local key."""
         return self.stream.name
-
-    @abstractmethod
-    def is_marked(self, attachment: bytes) -> bool:
-        """Return whether a call with this attachment came from the channel."""
-
-    @abstractmethod
-    def read_request(self, payload: bytes, encoding: object) -> tuple[object, str]:
-        """Read a program's request; returns the value, and the encoding it wants in return.
-
-        Raises:
-            PayloadInvalidError: It cannot be read.
-        """
-
-    @abstractmethod
-    def write_response(self, value: object, encoding: str) -> tuple[bytes, str]:
-        """Write an answer in the wanted encoding; returns it with its encoding."""
-
-    @abstractmethod
-    def write_request(self, value: object) -> tuple[bytes, str]:
-        """Write a request for the serving program; returns it with its encoding."""
-
-    @abstractmethod
-    def read_response(self, payload: bytes, encoding: object) -> object:
-        """Read the answer of the serving program.
-
-        Raises:
-            PayloadInvalidError: It cannot be read.
-        """
-
-    @abstractmethod
-    def answer_mark(self, asked: bytes | None) -> bytes:
-        """Return the attachment of the answer to a query with the attachment `asked`."""
 
     @abstractmethod
     def question_mark(self, call: CallKey) -> bytes:

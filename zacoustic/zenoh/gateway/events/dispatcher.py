@@ -80,7 +80,7 @@ class EventDispatcher(Dispatcher):
                 **dict.fromkeys(get_args(ActionEvent), (streams.actions.deliver,)),
                 **dict.fromkeys(_HEARD_ELSEWHERE, ()),
                 SampleReceived: (streams.topics.deliver, status.note_sample),
-                RequestReceived: (streams.services.serve,),
+                RequestReceived: (streams.services.deliver,),
                 ResponseReceived: (self._answer,),
                 CallFailed: (self._answer,),
                 RangeMeasured: (self._take_range,),

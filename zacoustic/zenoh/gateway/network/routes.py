@@ -31,7 +31,7 @@ from zacoustic.zenoh.gateway.jobs import ATTEND, DELIVER, FORWARD, PROXY, SERVE,
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.streams.handlers import StreamHandlers
 from zacoustic.zenoh.session.asking.goals import ActionKey
-from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler, Serve
+from zacoustic.zenoh.session.asking.queries import QueryHandler, Serve
 from zacoustic.zenoh.session.session import ZenohSession
 
 
@@ -161,7 +161,8 @@ class Routes:
         if isinstance(stream.spec, ActionSpec):
             actions = self._streams.actions
             return actions.forms[stream_id].served(), partial(actions.ask, stream_id)
-        return (self._streams.services.dialects[stream_id].key,), self._call(stream_id)
+        services = self._streams.services
+        return (services.dialects[stream_id].key,), partial(services.ask, stream_id)
 
     def _asked(self, stream: Stream) -> str:
         """Return the key expression of remote samples."""
@@ -179,11 +180,3 @@ class Routes:
 
     def _answer(self, stream_id: int) -> Serve:
         return lambda held: self._streams.topics.answer(held, stream_id)
-
-    def _call(self, stream_id: int) -> Serve:
-        def call(held: HeldQuery) -> None:
-            self._runner.apply(
-                lambda engine, now: self._streams.services.call(held, stream_id, engine, now)
-            )
-
-        return call

@@ -32,9 +32,8 @@ class StreamHandlers:
         self.topics.recover(stored)
 
     def drain(self, engine: Engine, now: int) -> None:
-        """Give the engine the local input: samples, answers to calls."""
+        """Give the engine the local samples."""
         self.topics.drain(engine, now)
-        self.services.drain(engine, now)
 
     def close(self) -> None:
         """Stop asking the local network."""

@@ -11,7 +11,9 @@ import msgspec
 
 from zacoustic.core.engine.events import CallFailure
 from zacoustic.errors import DeliveryError, LocalError, ZacousticError
-from zacoustic.zenoh.node.carrier import CLOSED_TEXT, Carrier, IncomingCall
+from zacoustic.zenoh.ends.calls import TakenCall
+from zacoustic.zenoh.node.calls import CLOSED_TEXT
+from zacoustic.zenoh.node.carrier import Carrier
 from zacoustic.zenoh.node.routes import ServiceRoute
 
 _logger = logging.getLogger(__name__)
@@ -140,7 +142,7 @@ class Service(Generic[Request, Response]):
         self._handler = _with_context(handler)
         self._spawn = spawn
         self._tasks: set[asyncio.Task[None]] = set()
-        self._at_work: set[IncomingCall] = set()
+        self._at_work: set[TakenCall] = set()
         self._stop = carrier.serve(route, self._take)
 
     def close(self) -> None:
@@ -149,12 +151,12 @@ class Service(Generic[Request, Response]):
         for task in self._tasks:
             task.cancel()
 
-    def _take(self, call: IncomingCall) -> None:
+    def _take(self, call: TakenCall) -> None:
         task = self._spawn(self._answer(call), f"call of {self.name}")
         self._tasks.add(task)
         task.add_done_callback(functools.partial(self._finish, call))
 
-    def _finish(self, call: IncomingCall, task: asyncio.Task[None]) -> None:
+    def _finish(self, call: TakenCall, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
         had_begun = call in self._at_work
         self._at_work.discard(call)
@@ -162,7 +164,7 @@ class Service(Generic[Request, Response]):
             failure = CallFailure.UNKNOWN if had_begun else CallFailure.NO_SERVER
             call.fail(failure, CLOSED_TEXT)
 
-    async def _answer(self, call: IncomingCall) -> None:
+    async def _answer(self, call: TakenCall) -> None:
         try:
             request = self._route.request.build(call.value)
         except (ValueError, TypeError) as error:  # from a check of the application's class
@@ -188,6 +190,7 @@ class Service(Generic[Request, Response]):
                 _logger.warning("%s: the answer comes after the caller's deadline", self.name)
         except ZacousticError as error:
             _logger.warning("%s: the answer cannot be sent: %s", self.name, error)
+            call.fail(CallFailure.HANDLER, str(error))
 
 
 def _text_of(error: Exception) -> str:

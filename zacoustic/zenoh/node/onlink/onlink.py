@@ -29,16 +29,18 @@ from zacoustic.errors import LinkClosedError
 from zacoustic.run.dispatching import Dispatcher
 from zacoustic.run.node import PreparedNode
 from zacoustic.run.pending import CallEnd, Pending
+from zacoustic.zenoh.ends.calls import TakeCall
+from zacoustic.zenoh.ends.enginecalls import EngineCalls
 from zacoustic.zenoh.ends.enginegoals import EngineGoals
-from zacoustic.zenoh.ends.goals import GivenGoal, GoalClient, GoalHandler
+from zacoustic.zenoh.ends.goals import GoalHandler
+from zacoustic.zenoh.node.calls import SentCall
 from zacoustic.zenoh.node.carrier import NodeEvent, Outlet
 from zacoustic.zenoh.node.goals import SentGoals
-from zacoustic.zenoh.node.onlink.callers import Callers
-from zacoustic.zenoh.node.onlink.calls import LinkCalls
 from zacoustic.zenoh.node.onlink.listeners import Listeners
 from zacoustic.zenoh.node.onlink.publishing import LinkOutlet, LinkPublishing
-from zacoustic.zenoh.node.onlink.ranges import LinkRanges
-from zacoustic.zenoh.node.routes import ActionRoute, TopicRoute
+from zacoustic.zenoh.node.onlink.requests import LinkRequests
+from zacoustic.zenoh.node.routes import ActionRoute, ServiceRoute, TopicRoute
+from zacoustic.zenoh.node.waiters import Waiters
 from zacoustic.zenoh.requests.context import RequestContext
 
 CLOSE_LINGER_S: Final = 5.0
@@ -79,20 +81,22 @@ class LinkCarrier:
         self._context = RequestContext(
             self._runner, Pending(), clock=node.parts.clock, utc_ns=node.parts.host.utc_ns
         )
-        self._callers = Callers(self._context)
-        self._calls = LinkCalls(table, self._callers)
-        self._ranges = LinkRanges(self._callers)
-        self.sent_goals = SentGoals(self._give_goal)
+        self._waiters = Waiters()
+        self._requests = LinkRequests(self._context, self._waiters)
+        self.ask, self.range = self._requests.ask, self._requests.range
+        self._calls = EngineCalls(self._runner, table, self._context.ends)
         self._goals = EngineGoals(
             self._runner,
             table,
             complain=lambda name, word, text: _logger.warning("%s: %s: %s", name, word, text),
             recover=lambda given: self.sent_goals.recover(given, given.name, given.tag),
         )
+        self.sent_goals = SentGoals(
+            lambda route, value, client, **more: self._goals.give(
+                route.known_stream.stream_id, value, client, **more
+            )
+        )
         self.subscribe = self._listeners.add
-        self.call, self.serve = self._calls.call, self._calls.serve
-        self.range = self._ranges.measure
-        self.ask = self._callers.ask
 
     @property
     def stats(self) -> EngineStats:
@@ -114,6 +118,18 @@ class LinkCarrier:
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Create the outlet of a publisher."""
         return LinkOutlet(self._publishing, route)
+
+    async def call(
+        self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
+    ) -> object:
+        """Call a service and wait for the answer; cancelling gives up."""
+        sent, stream_id = SentCall(route.name), route.known_stream.stream_id
+        cancel = self._calls.give(stream_id, value, sent, timeout_s=timeout_s)
+        return await self._waiters.wait(sent.over, cancel)
+
+    def serve(self, route: ServiceRoute[Any, Any], take: TakeCall) -> Callable[[], None]:
+        """Pass on the calls of a service; return the function that ends it."""
+        return self._calls.serve(route.known_stream.stream_id, take)
 
     def serve_goals(
         self, route: ActionRoute[Any, Any, Any], handler: GoalHandler
@@ -178,18 +194,6 @@ class LinkCarrier:
             finally:
                 timer.cancel()
 
-    def _give_goal(
-        self,
-        route: ActionRoute[Any, Any, Any],
-        value: object,
-        client: GoalClient,
-        *,
-        timeout_s: float | None,
-        tag: bytes,
-    ) -> GivenGoal:
-        stream_id = route.known_stream.stream_id
-        return self._goals.give(stream_id, value, client, timeout_s=timeout_s, tag=tag)
-
     # Events of the engine
 
     def _dispatcher(self) -> Dispatcher:
@@ -200,7 +204,7 @@ class LinkCarrier:
                 **dict.fromkeys(get_args(NodeEvent), (self._report,)),
                 **dict.fromkeys(get_args(ActionEvent), (self._goals.deliver,)),
                 SampleReceived: (self._listeners.deliver,),
-                RequestReceived: (self._calls.requested,),
+                RequestReceived: (self._calls.deliver,),
                 ResponseReceived: (self._answer,),
                 CallFailed: (self._answer,),
                 StreamsDiffer: (self._see_difference,),
@@ -208,8 +212,8 @@ class LinkCarrier:
                 DeliveryEnded: (self._end_delivery,),
                 CustodyChanged: (self._see_custody,),
                 ObjectProgress: (self._progress,),
-                RangeMeasured: (self._ranges.take,),
-                RangeFailed: (self._ranges.take,),
+                RangeMeasured: (self._requests.take_range,),
+                RangeFailed: (self._requests.take_range,),
             }
         )
 
@@ -278,6 +282,6 @@ class LinkCarrier:
             self._fail(error)
 
     def _end_all(self, error: Exception) -> None:
-        for each in (self._callers, self.sent_goals):
+        for each in (self._waiters, self.sent_goals):
             each.end_all(error)
         self._publishing.deliveries.fail(error)

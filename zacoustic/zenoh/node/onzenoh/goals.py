@@ -3,26 +3,23 @@
 `zacoustic.zenoh.session.asking.goals` defines the messages.
 """
 
-import asyncio
 import logging
 import time
 from collections.abc import Callable
-from functools import partial
 from typing import Any, Final
 
 import zenoh
 
 from zacoustic.errors import LinkClosedError, PayloadInvalidError
-from zacoustic.run.inbox import WakeUp
 from zacoustic.zenoh.ends.goals import GivenGoal, GoalClient, GoalHandler
 from zacoustic.zenoh.ends.zenohclients import ZenohClients
 from zacoustic.zenoh.ends.zenohservers import ZenohServers
 from zacoustic.zenoh.node.form import Form
 from zacoustic.zenoh.node.goals import SentGoals
+from zacoustic.zenoh.node.onzenoh.queries import serve_queries
 from zacoustic.zenoh.node.onzenoh.session import zenoh_errors
 from zacoustic.zenoh.node.routes import ActionRoute
 from zacoustic.zenoh.session.asking.goals import ActionKey, ActionMessages, Ending
-from zacoustic.zenoh.session.asking.queries import QueryHandler
 from zacoustic.zenoh.session.session import ZenohSession
 
 QUERIES_LIMIT: Final = 256
@@ -51,7 +48,7 @@ class ZenohGoals:
         """The goals that this node has sent."""
         self._zenoh_session = zenoh_session
         self._keep = keep
-        self._servers: dict[str, ZenohServers] = {}
+        self._servers: list[tuple[Route, ZenohServers]] = []
 
     def serve(self, route: Route, handler: GoalHandler) -> Callable[[], None]:
         """Declare the queryable of an action."""
@@ -73,28 +70,18 @@ class ZenohGoals:
             clock=time.monotonic_ns,
             takes_marked=True,
         )
-        bell = WakeUp(asyncio.get_running_loop())
-        queries = QueryHandler(
-            zenoh_session.worker, bell.ring, limit=QUERIES_LIMIT, closed_text=_CLOSED_TEXT
+        end = serve_queries(
+            zenoh_session,
+            *messages.served(),
+            serve=clients.take,
+            limit=QUERIES_LIMIT,
+            closed_text=_CLOSED_TEXT,
         )
-        bell.open(queries.serve)
-        with zenoh_errors(route.name):
-            queryable = zenoh_session.session.declare_queryable(
-                zenoh.KeyExpr(*messages.served()),
-                zenoh_session.callback(partial(queries.admit, clients.take)),
-                complete=True,
-                allowed_origin=zenoh.Locality.REMOTE,
-            )
-
-        def end() -> None:
-            queryable.undeclare()  # type: ignore[no-untyped-call]
-            queries.close()
-
         return self._keep(end)
 
     def close(self) -> None:
         """Inform the waiting callers that no answer will come."""
-        for servers in self._servers.values():
+        for _, servers in self._servers:
             servers.close()
         self.sent.end_all(LinkClosedError("the node was closed"))
 
@@ -112,9 +99,9 @@ class ZenohGoals:
 
     def _servers_of(self, route: Route) -> ZenohServers:
         """Return the servers of an action; the first time, subscribe to their feedback."""
-        servers = self._servers.get(route.name)
-        if servers is not None:
-            return servers
+        for known, servers in self._servers:
+            if (known.name, known.qos, _types(known)) == (route.name, route.qos, _types(route)):
+                return servers
         zenoh_session = self._zenoh_session()
         servers = ZenohServers(
             zenoh_session,
@@ -131,7 +118,7 @@ class ZenohGoals:
                 zenoh_session.callback(servers.hear),
                 allowed_origin=zenoh.Locality.REMOTE,
             )
-        self._servers[route.name] = servers
+        self._servers.append((route, servers))
         self._keep(subscriber.undeclare)
         return servers
 
@@ -161,6 +148,10 @@ class ProgramMessages(ActionMessages):
             return super().write_ending(ending)
         result = _checked(self._route.result, ending.result)
         return super().write_ending(Ending(status=ending.status, result=result, text=ending.text))
+
+
+def _types(route: Route) -> tuple[object, ...]:
+    return route.goal.spec, route.feedback.spec, route.result.spec, route.encoding
 
 
 def _checked(form: Form[Any], value: object) -> object:

@@ -10,7 +10,7 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, Final
+from typing import Any
 
 import zenoh
 
@@ -19,12 +19,11 @@ from zacoustic.core.base.clock import seconds_to_ns
 from zacoustic.core.base.linktypes import LinkMetrics, LinkState
 from zacoustic.core.base.qos import Durability
 from zacoustic.core.base.stats import NO_STREAM, EngineStats, LedgerEntry, count
-from zacoustic.core.engine.events import CallFailure, LinkStateChanged
+from zacoustic.core.engine.events import LinkStateChanged
 from zacoustic.core.peers.measurements import Range
 from zacoustic.core.streams.specs import StreamSpec
 from zacoustic.core.streams.table import Stream
 from zacoustic.errors import (
-    CallTimeoutError,
     LinkClosedError,
     LocalError,
     PayloadInvalidError,
@@ -33,22 +32,23 @@ from zacoustic.errors import (
 )
 from zacoustic.run.inbox import crossing, tell_loop
 from zacoustic.text import safetext
-from zacoustic.zenoh.node.carrier import A, Incoming, IncomingCall, NodeEvent, Outlet, Q, call_error
+from zacoustic.zenoh.ends.calls import TakeCall
+from zacoustic.zenoh.ends.zenohcalls import ZenohCallers, ZenohServer
+from zacoustic.zenoh.node.calls import CLOSED_TEXT, SentCall
+from zacoustic.zenoh.node.carrier import A, Incoming, NodeEvent, Outlet, Q
 from zacoustic.zenoh.node.delivery import Delivery
+from zacoustic.zenoh.node.onzenoh.calls import CALLS_LIMIT, ProgramCalls
 from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
-from zacoustic.zenoh.node.onzenoh.queries import ServiceHandler
+from zacoustic.zenoh.node.onzenoh.queries import serve_queries
 from zacoustic.zenoh.node.onzenoh.session import session_config, zenoh_errors
 from zacoustic.zenoh.node.routes import ServiceRoute, TopicRoute
+from zacoustic.zenoh.node.waiters import Waiters
 from zacoustic.zenoh.requests.asking import ask
 from zacoustic.zenoh.requests.request import Request
-from zacoustic.zenoh.session.asking.question import Question
 from zacoustic.zenoh.session.latching import LatchedPublisher, latched_subscriber
 from zacoustic.zenoh.session.marker import read_marker
 from zacoustic.zenoh.session.session import WORDS, ZenohSession, zenoh_priority
 from zacoustic.zenoh.session.values import said_encoding
-
-# Zenoh's own time limit is above ours, because our error says more.
-_BEHIND_S: Final = 1.0
 
 _logger = logging.getLogger(__name__)
 
@@ -78,7 +78,7 @@ class ZenohCarrier:
         self._open_session: ZenohSession | None = None
         self._is_up: bool | None = None
         self._ends: dict[object, Callable[[], None]] = {}
-        self._calls: set[asyncio.Future[object]] = set()
+        self._waiters = Waiters()
         self._goals = ZenohGoals(lambda: self.zenoh_session, self._keep)
         self.sent_goals = self._goals.sent
         self.serve_goals = self._goals.serve
@@ -130,9 +130,7 @@ class ZenohCarrier:
         for end in tuple(self._ends.values()):
             end()
         zenoh_session, self._open_session = self._open_session, None
-        for answer in tuple(self._calls):
-            if not answer.done():
-                answer.set_exception(LinkClosedError("the node was closed"))
+        self._waiters.end_all(LinkClosedError("the node was closed"))
         await zenoh_session.close()  # after the replies that wait there
 
     async def flush(self) -> None:
@@ -195,56 +193,36 @@ class ZenohCarrier:
     async def call(
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None
     ) -> object:
-        """Send a Zenoh `get` and wait for the first reply."""
-        loop, zenoh_session = asyncio.get_running_loop(), self.zenoh_session
-        answer: asyncio.Future[object] = loop.create_future()
-        limit_s = route.timeout_s if timeout_s is None else timeout_s
-        question = Question(
-            route.name, lambda question: tell_loop(loop, partial(_settle, question, route, answer))
-        )
-        ask = partial(
-            question.ask,
-            zenoh_session,
-            route.request.write(value, route.encoding),
-            encoding=route.encoding,
+        """Send a Zenoh `get` and wait for the first reply; cancelling gives up."""
+        server = ZenohServer(
+            self.zenoh_session,
+            ProgramCalls(route),
             priority=route.qos.priority,
-            timeout_s=limit_s + _BEHIND_S,
+            complain=partial(_complain, route.name),
+            nobody_text="nobody serves it on this Zenoh network",
         )
-        self._calls.add(answer)
-        try:
-            async with asyncio.timeout(limit_s):
-                with zenoh_errors(route.name):
-                    await zenoh_session.worker.run(ask)
-                return await answer
-        except CallTimeoutError:
-            raise
-        except TimeoutError:
-            text = f"no answer within {limit_s:g} s"
-            raise call_error(route.name, CallFailure.TIMED_OUT, text) from None
-        finally:
-            self._calls.discard(answer)
-            answer.cancel()
-            zenoh_session.worker.submit(question.cancel)
+        sent, limit_s = SentCall(route.name), timeout_s or route.timeout_s
+        return await self._waiters.wait(sent.over, server.give(value, sent, limit_s=limit_s))
 
-    def serve(
-        self, route: ServiceRoute[Any, Any], handle: Callable[[IncomingCall], None]
-    ) -> Callable[[], None]:
+    def serve(self, route: ServiceRoute[Any, Any], take: TakeCall) -> Callable[[], None]:
         """Declare a Zenoh queryable."""
-        zenoh_session = self.zenoh_session
-        handler = ServiceHandler(route, handle, zenoh_session.worker)
-        with zenoh_errors(route.name):
-            queryable = zenoh_session.session.declare_queryable(
-                zenoh.KeyExpr(route.name),
-                zenoh_session.callback(handler.bring),
-                complete=True,
-                allowed_origin=zenoh.Locality.REMOTE,
+        callers = ZenohCallers(
+            ProgramCalls(route),
+            take,
+            timeout_s=route.timeout_s,
+            clock=time.monotonic_ns,
+            takes_marked=True,
+            complain=partial(_complain, route.name),
+        )
+        return self._keep(
+            serve_queries(
+                self.zenoh_session,
+                route.name,
+                serve=callers.take,
+                limit=CALLS_LIMIT,
+                closed_text=CLOSED_TEXT,
             )
-
-        def end() -> None:
-            queryable.undeclare()  # type: ignore[no-untyped-call]
-            handler.close()
-
-        return self._keep(end)
+        )
 
     # Below the methods above
 
@@ -348,21 +326,5 @@ class _ZenohOutlet:
         count(self._stats.published, stream.stream_id if stream else NO_STREAM)
 
 
-def _settle(
-    question: Question, route: ServiceRoute[Any, Any], answer: "asyncio.Future[object]"
-) -> None:
-    """Pass the end of a call to its caller; on the loop."""
-    if answer.done():
-        return
-    if question.good is not None:
-        payload, encoding = question.good
-        try:
-            said = said_encoding(encoding, route.encoding)
-            answer.set_result(route.response.read(payload, said))
-        except PayloadInvalidError as error:
-            answer.set_exception(call_error(route.name, CallFailure.BAD_RESPONSE, str(error)))
-    elif question.error is not None:
-        answer.set_exception(call_error(route.name, *question.error))
-    else:
-        text = "nobody serves it on this Zenoh network"
-        answer.set_exception(call_error(route.name, CallFailure.NO_SERVER, text))
+def _complain(name: str, word: str, text: str) -> None:
+    _logger.warning("%s: %s: %s", name, word, text)

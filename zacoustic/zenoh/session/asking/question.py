@@ -4,58 +4,64 @@ The first good reply is the answer; without one, the first error; without any re
 server. Replies arrive on Zenoh's threads.
 """
 
+import asyncio
+import logging
 import threading
 from collections.abc import Callable
+from functools import partial
 
 import zenoh
 
 from zacoustic.core.base.qos import Priority
 from zacoustic.core.engine.events import CallFailure
+from zacoustic.run.inbox import tell_loop
 from zacoustic.zenoh.session.asking.replies import read_error
 from zacoustic.zenoh.session.session import ZenohSession, zenoh_priority
 
+_logger = logging.getLogger(__name__)
+
 
 class Question:
-    """One call; sent once, in the worker.
+    """One call, sent in the worker as soon as it is made; on the loop.
 
     Args:
+        zenoh_session: The session.
         key: The service.
-        settle: Called once with this object, on a thread of Zenoh's or in the worker, when `good`
-            or `error` holds the result.
+        take: Called once with this object, on the loop, when `good` or `error` holds the result.
+        payload: The request.
+        encoding: Its encoding.
+        priority: Priority of the query.
+        timeout_s: Time limit of Zenoh's, s.
+        attachment: See `zacoustic.zenoh.session.marker`.
     """
 
-    def __init__(self, key: str, settle: Callable[["Question"], None]) -> None:
+    def __init__(
+        self,
+        zenoh_session: ZenohSession,
+        key: str,
+        take: Callable[["Question"], object],
+        payload: bytes | None,
+        *,
+        encoding: str | None = None,
+        priority: Priority,
+        timeout_s: float,
+        attachment: bytes | None = None,
+    ) -> None:
         self.key = key
         self.good: tuple[bytes, str] | None = None
         """The answer and its encoding."""
         self.error: tuple[CallFailure, str] | None = None
         """Without an answer: how far the call got, and a text."""
-        self._settle = settle
+        self._zenoh_session = zenoh_session
+        self._take_on_loop = partial(tell_loop, asyncio.get_running_loop(), partial(take, self))
         self._cancellation = zenoh.CancellationToken()
         self._is_asked = False
         self._guard = threading.Lock()
         self._is_settled = False
 
-    def ask(
-        self,
-        zenoh_session: ZenohSession,
-        payload: bytes | None,
-        *,
-        encoding: str | None = None,
-        parameters: str = "",
-        priority: Priority,
-        timeout_s: float,
-        attachment: bytes | None = None,
-    ) -> None:
-        """Send it; in the worker.
-
-        Raises:
-            ZError: It cannot be sent; it is settled then.
-            RuntimeError: The same, because the interpreter ends: it starts no thread for replies.
-        """
-        try:
+        def ask() -> None:
             zenoh_session.session.get(
-                zenoh.Selector(zenoh.KeyExpr(self.key), parameters or None),
+                zenoh.KeyExpr(key),
                 zenoh_session.callback(self._take, self._end),
                 payload=payload,
                 encoding=encoding,
@@ -68,18 +74,32 @@ class Question:
                 allowed_destination=zenoh.Locality.REMOTE,
                 cancellation_token=self._cancellation,
             )
+
+        zenoh_session.worker.submit(partial(self._ask, ask))
+
+    def cancel(self) -> None:
+        """Wait for replies no longer."""
+        self._zenoh_session.worker.submit(self._cancel)
+
+    # In the worker
+
+    def _ask(self, ask: Callable[[], None]) -> None:
+        """Send it; if that fails, settle it."""
+        try:
+            ask()
             self._is_asked = True
+        except RuntimeError as error:  # the interpreter ends: Zenoh starts no thread for replies
+            _logger.debug("%s is not called: %s", self.key, error)
         finally:
             if not self._is_asked:
                 self._end()
 
-    def cancel(self) -> None:
-        """Stop to wait for replies; in the worker, because it waits for a running callback.
-
-        It would wait for ever for the callback of a call that could not be sent.
-        """
+    def _cancel(self) -> None:
+        """Wait for a running callback; it would be for ever if the call could not be sent."""
         if self._is_asked:
             self._cancellation.cancel()  # type: ignore[no-untyped-call]
+
+    # On Zenoh's threads
 
     def _take(self, reply: zenoh.Reply) -> None:
         if reply.ok is not None:
@@ -97,4 +117,4 @@ class Question:
                 return
             self._is_settled = True
             self.good = good
-        self._settle(self)
+        self._take_on_loop()
