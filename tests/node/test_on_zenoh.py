@@ -428,3 +428,29 @@ def test_a_flood_leaves_the_depth_and_no_more() -> None:
             assert len(subscription._mailbox) <= 10
 
     run_on_zenoh(main())
+
+
+def test_a_wildcard_calls_no_service() -> None:
+    async def main() -> None:
+        async with two_nodes() as (_, auv, endpoint), plain_client(endpoint) as plain:
+            called: list[bytes] = []
+
+            def echo(request: bytes) -> bytes:
+                called.append(request)
+                return request
+
+            auv.create_service(Raw, "auv1/echo", echo)
+            await settle(plain, auv)
+
+            def ask(key: str) -> list[str]:
+                replies = plain.get(key, payload=b"x", timeout=LIMIT_S)
+                errors = [each.err for each in replies]
+                return [error.payload.to_string() if error is not None else "" for error in errors]
+
+            (refused,) = await asyncio.to_thread(ask, "auv1/*")
+            assert "a wildcard calls no service, only auv1/echo itself does" in refused
+            assert called == []
+            assert await asyncio.to_thread(ask, "auv1/echo") == [""]
+            assert called == [b"x"]
+
+    run_on_zenoh(main())
