@@ -11,6 +11,7 @@ from zacoustic.zenoh.requests.cancel import CANCEL, CancelAsked
 from zacoustic.zenoh.requests.commands import SILENCE, STREAM, row_of
 from zacoustic.zenoh.requests.key import KEY, KeyAsked
 from zacoustic.zenoh.requests.ping import PING, PingAsked
+from zacoustic.zenoh.requests.report import REPORT
 from zacoustic.zenoh.requests.request import Request
 from zacoustic.zenoh.requests.routing import ROUTING
 from zacoustic.zenoh.requests.table import REQUESTS
@@ -129,3 +130,12 @@ def test_what_is_wrong_is_named_with_what_is_allowed(
     with pytest.raises(ValueError, match="allowed") as raised:
         request_.read("KEY", {}, parameters_of(text))
     assert error in str(raised.value)
+
+
+def test_documents_of_the_report_are_named_and_found_by_one_row() -> None:
+    assert REPORT.key(3) == "@acoustic/3/**"
+    assert REPORT.key(None, "relay") == "@acoustic/*/relay"
+    for document in ("link", "link/uhf", "peer/2/range"):
+        assert REPORT.place(REPORT.key(254, document)) == (254, document)
+    for key in ("@acoustic/*/link", "@acoustic/3", "@acoustic/x/link", "acoustic/3/link"):
+        assert REPORT.place(key) is None

@@ -10,6 +10,7 @@ from zacoustic.errors import LocalError
 from zacoustic.zenoh.gateway.redundant import RedundantGateways
 from zacoustic.zenoh.gateway.status.health import Health
 from zacoustic.zenoh.requests.context import Asking, RequestContext
+from zacoustic.zenoh.requests.report import REPORT
 from zacoustic.zenoh.requests.request import Request
 from zacoustic.zenoh.requests.table import REQUESTS
 from zacoustic.zenoh.session.asking.queries import HeldQuery, QueryHandler
@@ -35,7 +36,8 @@ class RequestHandler:
 
     def declare(self, zenoh_session: ZenohSession, queries: QueryHandler) -> None:
         """Declare the queryables; in the worker."""
-        places = [(self._health.expression, self._health.answer, True)]
+        # Only this gateway has its own documents.
+        places = [(REPORT.key(self._redundant.address), self._health.answer, True)]
         # Not complete: for a local node only that node's gateway answers.
         places += [(each.expression, partial(self._serve, each), False) for each in REQUESTS]
         for expression, serve, is_complete in places:

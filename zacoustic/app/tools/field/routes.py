@@ -14,7 +14,7 @@ from zacoustic.core.relay.route import Route
 from zacoustic.core.wire.routing import RoutingKind, RoutingRequest
 from zacoustic.errors import SessionError
 from zacoustic.zenoh.node import Node
-from zacoustic.zenoh.requests.request import ANY_NODE, PREFIX
+from zacoustic.zenoh.requests.report import REPORT
 from zacoustic.zenoh.requests.routing import ROUTING, RoutingReport
 from zacoustic.zenoh.session.asking.allreplies import ask_all
 from zacoustic.zenoh.session.session import ZenohSession
@@ -129,11 +129,11 @@ async def shown_routes(config: Config, connect: Sequence[str] | None) -> list[Ro
 
 
 async def _documents(zenoh_session: ZenohSession) -> dict[int, Any]:
-    found = await ask_all(zenoh_session, f"{PREFIX}/{ANY_NODE}/relay", timeout_s=_HERE_S)
+    found = await ask_all(zenoh_session, REPORT.key(None, "relay"), timeout_s=_HERE_S)
     return {
-        int(address): msgspec.json.decode(payload)
+        place[0]: msgspec.json.decode(payload)
         for key, payload in found.answers
-        if (address := key.split("/")[1]).isdecimal()
+        if (place := REPORT.place(key)) is not None
     }
 
 

@@ -14,6 +14,7 @@ from zacoustic.app.tools.watch.board import Board, addresses_in
 from zacoustic.config import Config
 from zacoustic.run.inbox import WakeUp, tell_loop
 from zacoustic.zenoh.node.onzenoh.session import session_config
+from zacoustic.zenoh.requests.report import ALL, REPORT
 from zacoustic.zenoh.requests.request import PREFIX
 from zacoustic.zenoh.session.session import ZenohSession
 
@@ -90,9 +91,9 @@ class Watch:
 
     async def ask(self) -> None:
         """Query all gateways for everything, and wait for their answers."""
-        await self._get("**", _ANSWER_LIMIT_S)
+        await self._get(ALL, _ANSWER_LIMIT_S)
 
-    async def _get(self, what: str, limit_s: float) -> set[int]:
+    async def _get(self, document: str, limit_s: float) -> set[int]:
         """Query documents and wait for the answers; return the answering addresses."""
         ended = asyncio.Event()
         answered: set[int] = set()
@@ -104,7 +105,7 @@ class Watch:
 
         def get() -> None:
             self.zenoh_session.session.get(
-                zenoh.KeyExpr(f"{PREFIX}/{what}"),
+                zenoh.KeyExpr(REPORT.key(None, document)),
                 self.zenoh_session.callback(take, lambda: tell_loop(self._loop, ended.set)),
                 timeout=limit_s,
                 consolidation=zenoh.ConsolidationMode.NONE,
@@ -142,7 +143,7 @@ class Watch:
             known = self.board.addresses()
             answered: set[int] = set()
             with contextlib.suppress(zenoh.ZError):
-                answered = await self._get("*/clock", PULSE_LIMIT_S)
+                answered = await self._get("clock", PULSE_LIMIT_S)
             for address in known:
                 self.board.note_answer(address, has_answered=address in answered)
             self.changed.set()

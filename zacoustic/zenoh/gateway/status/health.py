@@ -39,7 +39,7 @@ from zacoustic.core.base.qos import Priority
 from zacoustic.core.values.encoding import JSON
 from zacoustic.zenoh.gateway.status.dates import Dates
 from zacoustic.zenoh.gateway.status.report import Report
-from zacoustic.zenoh.requests.request import PREFIX
+from zacoustic.zenoh.requests.report import REPORT
 from zacoustic.zenoh.session.asking.queries import Answer, HeldQuery
 from zacoustic.zenoh.session.session import ZenohSession
 
@@ -69,7 +69,7 @@ class Health:
         *,
         interval_s: float = INTERVAL_S,
     ) -> None:
-        self._prefix = f"{PREFIX}/{address}"
+        self._address = address
         self._zenoh_session = zenoh_session
         self._report = report
         self._dates = dates
@@ -81,11 +81,6 @@ class Health:
         self._last_at_s = float("-inf")
         self._published: dict[str, bytes] = {}
         self._free_at_s: dict[str, float] = {}
-
-    @property
-    def expression(self) -> str:
-        """Key expression of all documents."""
-        return f"{self._prefix}/**"
 
     def touch(self) -> None:
         """Publish soon, because something has changed."""
@@ -146,10 +141,10 @@ class Health:
         """Return the document by which a client compares the wall clocks."""
         self._dates.look()
         now = {"now_unix_s": self._dates.now_unix_s()}
-        return {f"{self._prefix}/clock": msgspec.json.encode(now)}
+        return {REPORT.key(self._address, "clock"): msgspec.json.encode(now)}
 
     def _encoded(self) -> dict[str, bytes]:
         return {
-            f"{self._prefix}/{name}": msgspec.json.encode(document, order="deterministic")
+            REPORT.key(self._address, name): msgspec.json.encode(document, order="deterministic")
             for name, document in self._report.documents().items()
         }

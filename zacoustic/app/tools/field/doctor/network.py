@@ -15,7 +15,7 @@ from zacoustic.errors import SessionError
 from zacoustic.link.contract import Finding
 from zacoustic.ros.tokens import PREFIX as ROS_PREFIX
 from zacoustic.zenoh.node.onzenoh.session import session_config
-from zacoustic.zenoh.requests.request import PREFIX
+from zacoustic.zenoh.requests.report import REPORT
 from zacoustic.zenoh.session.session import ZenohSession, endpoints_of, mode_of
 
 _TCP: Final = re.compile(r"(?:tcp|tls|ws)/(\[.*\]|[^:/]+):([0-9]{1,5})")
@@ -132,14 +132,13 @@ async def _listens(endpoint: str) -> bool:
 
 def _read(session: zenoh.Session, address: int) -> Running:
     """Query documents and tokens of the gateways with one address; in the worker."""
-    own, health = f"{PREFIX}/{address}", {}
-    for reply in session.get(f"{own}/**", timeout=_ANSWERS_S):
-        if reply.ok is not None:
-            name = str(reply.ok.key_expr).removeprefix(f"{own}/")
-            health[name] = _decoded(reply.ok.payload.to_bytes())
+    health = {}
+    for reply in session.get(REPORT.key(address), timeout=_ANSWERS_S):
+        if reply.ok is not None and (place := REPORT.place(str(reply.ok.key_expr))):
+            health[place[1]] = _decoded(reply.ok.payload.to_bytes())
     digests = {
         str(reply.ok.key_expr).rpartition("/")[2]
-        for reply in session.liveliness().get(f"{own}/gateway/*", timeout=_ANSWERS_S)
+        for reply in session.liveliness().get(REPORT.key(address, "gateway/*"), timeout=_ANSWERS_S)
         if reply.ok is not None
     }
     return Running(
