@@ -113,27 +113,15 @@ class Incoming(msgspec.Struct, frozen=True, kw_only=True):
     """The modem's measurements of the frame."""
 
 
-class Outlet(Protocol):
+class Outlet(msgspec.Struct, frozen=True):
     """Takes the samples of one publisher."""
 
-    def put(self, value: object, encoding: str | None) -> Delivery | None:
-        """Send a value and return at once; any thread may call this.
-
-        Returns:
-            The delivery, on a reliable topic, if the carrier learns the outcome.
-
-        Raises:
-            LocalError: The value cannot be sent, or a bounded queue is full.
-        """
-        ...
-
-    def delete(self) -> Delivery | None:
-        """Tell the subscribers that the key is deleted; otherwise as `put`."""
-        ...
-
-    def close(self) -> None:
-        """Close the outlet. May be called again."""
-        ...
+    put: Callable[[object, str | None, bool], Delivery | None]
+    """Sends a value in an encoding, or tells that the key is deleted, and returns at once; any
+    thread may call it. Returns the delivery, on a reliable topic, if the carrier learns the
+    outcome. Raises `LocalError`: the value cannot be sent, or a bounded queue is full."""
+    close: Callable[[], None]
+    """Closes the outlet; may be called again."""
 
 
 class Carrier(Protocol):

@@ -99,12 +99,12 @@ class Publisher(Generic[T]):
             LocalError: The publisher is closed, or this node may not publish the topic.
         """
         self._check_open()
-        return self._outlet.put(value, encoding)
+        return self._outlet.put(value, encoding, False)
 
     def delete(self) -> Delivery | None:
         """Tell the subscribers that the key is deleted; otherwise as `publish`."""
         self._check_open()
-        return self._outlet.delete()
+        return self._outlet.put(None, None, True)
 
     def close(self) -> None:
         """Close the publisher. May be called again."""

@@ -5,6 +5,7 @@ import contextlib
 import logging
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Final, get_args
 
 from zacoustic.core.base.clock import ns_to_seconds
@@ -37,7 +38,7 @@ from zacoustic.zenoh.node.calls import SentCall
 from zacoustic.zenoh.node.carrier import NodeEvent, Outlet
 from zacoustic.zenoh.node.goals import SentGoals
 from zacoustic.zenoh.node.onlink.listeners import Listeners
-from zacoustic.zenoh.node.onlink.publishing import LinkOutlet, LinkPublishing
+from zacoustic.zenoh.node.onlink.publishing import LinkPublishing
 from zacoustic.zenoh.node.onlink.requests import LinkRequests
 from zacoustic.zenoh.node.routes import ActionRoute, ServiceRoute, TopicRoute
 from zacoustic.zenoh.node.waiters import Waiters
@@ -117,7 +118,7 @@ class LinkCarrier:
 
     def advertise(self, route: TopicRoute[Any]) -> Outlet:
         """Create the outlet of a publisher."""
-        return LinkOutlet(self._publishing, route)
+        return Outlet(partial(self._publishing.publish, route), lambda: None)
 
     async def call(
         self, route: ServiceRoute[Any, Any], value: object, timeout_s: float | None

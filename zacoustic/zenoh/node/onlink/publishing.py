@@ -27,9 +27,9 @@ class LinkPublishing:
         """The reliable samples under way."""
 
     def publish(
-        self, route: TopicRoute[Any], value: object, *, encoding: str | None, delete: bool
+        self, route: TopicRoute[Any], value: object, encoding: str | None, delete: bool
     ) -> Delivery | None:
-        """Queue a sample."""
+        """Queue a sample, or that a key is deleted; see `Outlet.put`."""
         stream, instance = route.known_stream, route.instance
         made_at = time.monotonic_ns()
         delivery: Delivery | None = None
@@ -77,27 +77,3 @@ class LinkPublishing:
             self._runner.apply(command)
         elif not self._runner.submit(command):
             raise QueueFullError(f"{name}: the loop of the node is far behind, or has ended")
-
-
-class LinkOutlet:
-    """Takes the samples of one publisher.
-
-    Args:
-        publishing: The samples of the node.
-        route: Where they go.
-    """
-
-    def __init__(self, publishing: LinkPublishing, route: TopicRoute[Any]) -> None:
-        self._publishing = publishing
-        self._route = route
-
-    def put(self, value: object, encoding: str | None) -> Delivery | None:
-        """Queue a sample."""
-        return self._publishing.publish(self._route, value, encoding=encoding, delete=False)
-
-    def delete(self) -> Delivery | None:
-        """Queue a delete."""
-        return self._publishing.publish(self._route, None, encoding=None, delete=True)
-
-    def close(self) -> None:
-        """Do nothing: a link knows no publishers."""

@@ -36,7 +36,6 @@ from zacoustic.zenoh.ends.calls import TakeCall
 from zacoustic.zenoh.ends.zenohcalls import ZenohCallers, ZenohServer
 from zacoustic.zenoh.node.calls import CLOSED_TEXT, SentCall
 from zacoustic.zenoh.node.carrier import A, Incoming, NodeEvent, Outlet, Q
-from zacoustic.zenoh.node.delivery import Delivery
 from zacoustic.zenoh.node.onzenoh.calls import CALLS_LIMIT, ProgramCalls
 from zacoustic.zenoh.node.onzenoh.goals import ZenohGoals
 from zacoustic.zenoh.node.onzenoh.queries import serve_queries
@@ -170,7 +169,7 @@ class ZenohCarrier:
                     congestion_control=zenoh.CongestionControl.DROP,
                     allowed_destination=zenoh.Locality.REMOTE,
                 )
-        return _ZenohOutlet(route, publisher, self._stats, self._keep(publisher.undeclare))
+        return Outlet(partial(self._put, route, publisher), self._keep(publisher.undeclare))
 
     def subscribe(
         self, route: TopicRoute[Any], deliver: Callable[[Incoming], None]
@@ -237,6 +236,29 @@ class ZenohCarrier:
         self._ends[token] = end_once
         return end_once
 
+    def _put(
+        self,
+        route: TopicRoute[Any],
+        publisher: LatchedPublisher | zenoh.Publisher,
+        value: object,
+        encoding: str | None,
+        delete: bool,
+    ) -> None:
+        """Put a sample, or a delete; only the gateway knows the outcome."""
+        said = encoding or route.encoding
+        payload = b"" if delete else route.form.write(value, said)
+        with zenoh_errors(route.name):
+            if delete:
+                publisher.delete()
+            elif isinstance(publisher, LatchedPublisher):
+                expires_at = None
+                if route.qos.lifespan_s is not None:
+                    expires_at = time.monotonic_ns() + seconds_to_ns(route.qos.lifespan_s)
+                publisher.put(payload, encoding=said, expires_at=expires_at)
+            else:
+                publisher.put(payload, encoding=said)
+        count(self._stats.published, route.stream.stream_id if route.stream else NO_STREAM)
+
     def _receive(
         self, route: TopicRoute[Any], deliver: Callable[[Incoming], None], sample: zenoh.Sample
     ) -> None:
@@ -280,50 +302,6 @@ class ZenohCarrier:
                 _logger.warning("%s", WORDS[is_up])
             self._is_up = is_up
         self._report(LinkStateChanged(state=state, changed_at=time.monotonic_ns()))
-
-
-class _ZenohOutlet:
-    """Takes the samples of one publisher."""
-
-    def __init__(
-        self,
-        route: TopicRoute[Any],
-        publisher: LatchedPublisher | zenoh.Publisher,
-        stats: EngineStats,
-        close: Callable[[], None],
-    ) -> None:
-        self._route = route
-        self._publisher = publisher
-        self._stats = stats
-        self._close = close
-
-    def put(self, value: object, encoding: str | None) -> Delivery | None:
-        said = encoding or self._route.encoding
-        payload = self._route.form.write(value, said)
-        lifespan_s = self._route.qos.lifespan_s
-        with zenoh_errors(self._route.name):
-            if isinstance(self._publisher, LatchedPublisher):
-                expires_at = None
-                if lifespan_s is not None:
-                    expires_at = time.monotonic_ns() + seconds_to_ns(lifespan_s)
-                self._publisher.put(payload, encoding=said, expires_at=expires_at)
-            else:
-                self._publisher.put(payload, encoding=said)
-        self._count()
-        return None  # only the gateway knows the outcome
-
-    def delete(self) -> Delivery | None:
-        with zenoh_errors(self._route.name):
-            self._publisher.delete()
-        self._count()
-        return None
-
-    def close(self) -> None:
-        self._close()
-
-    def _count(self) -> None:
-        stream = self._route.stream
-        count(self._stats.published, stream.stream_id if stream else NO_STREAM)
 
 
 def _complain(name: str, word: str, text: str) -> None:
