@@ -69,7 +69,7 @@ class Health:
         *,
         interval_s: float = INTERVAL_S,
     ) -> None:
-        self._address = address
+        self._prefix = REPORT.key(address, "")
         self._zenoh_session = zenoh_session
         self._report = report
         self._dates = dates
@@ -141,10 +141,10 @@ class Health:
         """Return the document by which a client compares the wall clocks."""
         self._dates.look()
         now = {"now_unix_s": self._dates.now_unix_s()}
-        return {REPORT.key(self._address, "clock"): msgspec.json.encode(now)}
+        return {f"{self._prefix}clock": msgspec.json.encode(now)}
 
     def _encoded(self) -> dict[str, bytes]:
         return {
-            REPORT.key(self._address, name): msgspec.json.encode(document, order="deterministic")
+            f"{self._prefix}{name}": msgspec.json.encode(document, order="deterministic")
             for name, document in self._report.documents().items()
         }
