@@ -15,8 +15,8 @@ from typing import Any, Final
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
-KEPT: Final = ("zacoustic/config/", "zacoustic/link/", "zacoustic/ros/")
-"""Rooms whose docstrings programs show: the reference of keys, the contract of links."""
+KEPT: Final = ("zacoustic/app/cli/", "zacoustic/config/", "zacoustic/link/", "zacoustic/ros/")
+"""Rooms whose docstrings programs show: the help, the reference of keys, the contract of links."""
 
 Span = tuple[int, int, int, int]
 """First line, column in it, last line, column behind; columns in characters."""
