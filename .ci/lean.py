@@ -16,10 +16,10 @@ from typing import Any, Final
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 
 KEPT: Final = (
-    "zacoustic/config/", "zacoustic/core/relay/relay.py", "zacoustic/core/streams/",
-    "zacoustic/link/", "zacoustic/ros/",
+    "zacoustic/app/cli/", "zacoustic/config/", "zacoustic/core/relay/relay.py",
+    "zacoustic/core/streams/", "zacoustic/link/", "zacoustic/ros/",
 )  # fmt: skip
-"""Rooms whose docstrings programs show: the reference of keys, the contract of links."""
+"""Rooms whose docstrings programs show: the help, the reference of keys, the contract of links."""
 
 Span = tuple[int, int, int, int]
 """First line, column in it, last line, column behind; columns in characters."""

@@ -94,7 +94,7 @@ class Tree:
         alone = self._leaves[path]()
         if _is_unavailable(alone):
             return None
-        return _AloneOrGroup(alone, members) if members else alone
+        return _AloneOrGroup(path[-1], alone, members) if members else alone
 
 
 def tree_of(words: Sequence[str]) -> Tree:
@@ -154,12 +154,11 @@ def built_in(place: str) -> Command:
     """Make one of our verbs.
 
     Args:
-        place: Room and file, as `VERBS` names them.
+        place: Room, file and class, as `VERBS` names them.
     """
-    module = importlib.import_module(f"{__package__}.{place}")
-    file = place.rpartition(".")[2]
-    command_type: type[Command] = getattr(module, f"{file.capitalize()}Command")
-    return command_type()
+    module, _, name = place.rpartition(".")
+    verb: type[Command] = getattr(importlib.import_module(f"{__package__}.{module}"), name)
+    return verb()
 
 
 def _our_leaves() -> dict[Path, Callable[[], Command]]:
@@ -196,8 +195,8 @@ class _AloneOrGroup(CommandGroup):
     Argparse cannot distinguish the two; a call gets a parser of one or the other.
     """
 
-    def __init__(self, alone: Command, members: Mapping[str, Command]) -> None:
-        super().__init__(alone.name, members, tuple(members), alone.summary)
+    def __init__(self, name: str, alone: Command, members: Mapping[str, Command]) -> None:
+        super().__init__(name, members, tuple(members), alone.summary)
         self._alone = alone
 
     def add_arguments(self, parser: argparse.ArgumentParser) -> None:
