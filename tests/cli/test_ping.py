@@ -135,7 +135,7 @@ def test_ping_on_a_link_by_name(tmp_path: Path, capsys: pytest.CaptureFixture[st
         (["auv1"], "a name needs --config FILE"),
         (["300"], "allowed: 1..254"),
         (["2", "--count", "0"], "--count 0; allowed"),
-        (["2", "--timeout", "700"], "allowed: at most 600"),
+        (["2", "--timeout", "700"], "allowed: above 0, 1e-06..600"),
     ],
 )
 def test_wrong_arguments_of_ping_are_exit_code_2(

@@ -122,12 +122,15 @@ def test_set_show_and_reset_through_a_gateway(
         (["probe", "--count", "33", "--node", "1"], "--count 33; allowed: 1..32"),
         (["probe"], "--node is missing; allowed: addresses, or --config with nodes"),
         (["probe", "--node", "1,x"], "--node 1,x; allowed: addresses 1..254"),
-        (["probe", "--node", "1", "--timeout", "601"], "--timeout 601; allowed: at most 600"),
+        (
+            ["probe", "--node", "1", "--timeout", "601"],
+            "--timeout 601; allowed: above 0, 1e-06..600",
+        ),
         (["show", "nowhere.json5"], "nowhere.json5"),
         (["set", "3", "--path", "1,2"], "--config is missing"),
         (["set", "3", "--path", "1,1"], "--path is [1, 1]; allowed: 2..16 addresses, each once"),
         (["set", "3", "--path", "1,300"], "--path 1,300; allowed: addresses 1..254"),
-        (["reset", "3", "--timeout", "601"], "--timeout 601; allowed: at most 600"),
+        (["reset", "3", "--timeout", "601"], "--timeout 601; allowed: above 0, 1e-06..600"),
     ],
 )
 def test_wrong_arguments_are_exit_code_2(

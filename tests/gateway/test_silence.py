@@ -112,7 +112,7 @@ def test_verb_commands_asks_and_resumes(capsys: pytest.CaptureFixture[str]) -> N
         (["--for", "0m"], "--for 0m; allowed"),
         (["resume", "--for", "3s"], "--for 3s; allowed: not with resume"),
         (["--node", "300"], "--node 300; allowed: 1..254"),
-        (["--timeout", "0"], "--timeout 0.0; allowed: above 0"),
+        (["--timeout", "0"], "--timeout 0; allowed: above 0"),
         (["stop"], "command stop; allowed: resume, until-resumed"),
     ],
 )

@@ -1,81 +1,51 @@
-"""The verb `zacoustic route`: shows the routes over relays, and measures which are best."""
+"""The verbs `zacoustic route`: show and change the routes over relays, measure which are best."""
 
-import argparse
-import asyncio
-import contextlib
 import random
 from typing import TYPE_CHECKING, Any, Final
 
-from zacoustic.app.cli.support.arguments import (
-    add_connect,
-    add_json,
-    check_positive,
-)
-from zacoustic.app.cli.support.participant import add_node_arguments, make_node
+from zacoustic.app.cli.support.participant import Participant
 from zacoustic.app.cli.support.printing import print_json, print_note, print_text
-from zacoustic.errors import ConfigError
-from zacoustic.link.command import (
-    EXIT_FAILED,
-    EXIT_OK,
-    EXIT_TIMED_OUT,
-    Command,
-    CommandGroup,
+from zacoustic.app.cli.support.rows import (
+    MOST_NODES,
+    flag,
+    number,
+    option,
+    repeated,
+    seconds,
+    word,
 )
+from zacoustic.app.cli.support.verb import Verb
+from zacoustic.core.wire.relay import MOST_PROBES
+from zacoustic.errors import ConfigError
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK, EXIT_TIMED_OUT
 from zacoustic.text.digits import whole_number
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Iterator, Sequence
+    from collections.abc import Iterator
 
     from zacoustic.app.tools.field.changing import PathChanged
-    from zacoustic.app.tools.field.probing import Asker, Proposal, Survey
+    from zacoustic.app.tools.field.probing import Proposal, Survey
     from zacoustic.app.tools.field.routes import RouteShown
     from zacoustic.config import Config
     from zacoustic.core.streams.table import StreamTable
 
-_MOST_NODES: Final = 254
 _LONGEST_S: Final = 600.0
-_PROBE_EXAMPLE: Final = """Each node transmits --count probes of four bytes in turn, and all others
-count them; then each is asked for its counts. A node that does not answer directly is asked over
-others: it must execute the commands of its neighbour. Nothing else should be on the channel.
-
-examples:
-  zacoustic route probe --config router.json5                        all nodes of the file
-  zacoustic route probe --config router.json5 --count 16 --node 2,3,5
-  zacoustic route probe --config shore.json5 --link evologics/tcp:192.168.0.209:9200 --json
-"""
 
 
-class RouteCommand(CommandGroup):
-    """Routes over relays."""
+class Show(Verb):
+    """The routes of a file, and how their hops do.
 
-    name = "route"
+    the counters are those of the gateways that answer here
 
-    def __init__(self) -> None:
-        members: dict[str, Command] = {
-            each.name: each for each in (ShowRoutes(), ProbeRoutes(), SetRoute(), ResetRoute())
-        }
-        super().__init__(self.name, members, tuple(members))
-        self.summary = "show and change the routes over relays, measure which are best"  # type: ignore[misc]
+    Example:
+      zacoustic route show router.json5
+    """
 
+    config: str = word("FILE", "Zenoh config with plugins.acoustic")
+    connect: list[str] | None = repeated("ENDPOINT", "Zenoh endpoint, tcp/HOST:PORT", None)
+    json: bool = flag("one JSON object per route")
 
-class ShowRoutes(Command):
-    """Shows the routes of a file, with the counters of their hops."""
-
-    name = "show"
-    summary = "the routes of a file, and how their hops do"
-    prints_late = True
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the file, and where Zenoh is joined."""
-        parser.add_argument("config", metavar="FILE", help="Zenoh config with plugins.acoustic")
-        add_connect(parser)
-        add_json(parser, "one JSON object per route")
-        parser.epilog = (
-            "the counters are those of the gateways that answer here\n\n"
-            "example:\n  zacoustic route show router.json5"
-        )
-
-    def run(self, arguments: argparse.Namespace) -> int:
+    async def work(self) -> None:
         """Print them.
 
         Raises:
@@ -85,198 +55,163 @@ class ShowRoutes(Command):
         from zacoustic.app.tools.field.routes import shown_routes
         from zacoustic.app.tools.fleetfile import read_fleet
 
-        config = read_fleet(arguments.config)
-        routes = asyncio.run(shown_routes(config, arguments.connect))
+        routes = await shown_routes(read_fleet(self.config), self.connect)
         for each in routes:
-            if arguments.json:
-                print_json(each)
-            else:
-                print_text(_route_text(each))
-        if not routes and not arguments.json:
+            self.show(each, _route_text)
+        if not routes and not self.json:
             print_text("no routes: each node hears each other one, or nothing is measured yet")
-        return EXIT_OK
 
 
-class ProbeRoutes(Command):
-    """Measures who hears whom, and proposes routes."""
+class Asking(Participant):
+    """A verb that asks several nodes."""
 
-    name = "probe"
-    summary = "measure the loss of every pair of nodes, propose routes"
-    prints_late = True
+    node: str | None = option("A,B,…", "only these addresses (default: all of the path)")
+    timeout: float = seconds("how long to try each hop of a question, s", 60.0, most=_LONGEST_S)
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare nodes, number of probes, path and time limit."""
-        parser.epilog = _PROBE_EXAMPLE
-        add_node_arguments(parser)
-        parser.add_argument(
-            "--count", type=int, default=8, metavar="N",
-            help="probes of each node, 1..32 (default: %(default)d)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--node", metavar="A,B,…", help="only these addresses (default: all nodes of --config)"
-        )
-        parser.add_argument(
-            "--timeout", type=float, default=60.0, metavar="S",
-            help="how long to try each hop of a question, s (default: %(default)g)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--seed", type=int, metavar="N", help="draws the number of the run (default: random)"
-        )
 
-    def run(self, arguments: argparse.Namespace) -> int:
+class Probe(Asking):
+    """Measure the loss of every pair of nodes, propose routes.
+
+    Each node transmits --count probes of four bytes in turn, and all others
+    count them; then each is asked for its counts. A node that does not answer directly is asked
+    over others: it must execute the commands of its neighbour. Nothing else should be on the
+    channel.
+
+    Examples:
+      zacoustic route probe --config router.json5                        all nodes of the file
+      zacoustic route probe --config router.json5 --count 16 --node 2,3,5
+      zacoustic route probe --config shore.json5 --link evologics/tcp:192.168.0.209:9200 --json
+    """
+
+    count: int = number("N", f"probes of each node, 1..{MOST_PROBES}", 8, least=1, most=MOST_PROBES)
+    node: str | None = option("A,B,…", "only these addresses (default: all nodes of --config)")
+    seed: int | None = number("N", "draws the number of the run (default: random)")
+
+    async def work(self) -> int:
         """Measure; exit code 3 if no other node has answered.
 
         Raises:
             ConfigError: An argument is wrong.
             DeliveryError, LocalError: No node asks here.
         """
-        from zacoustic.app.tools.fleetfile import read_fleet
-        from zacoustic.core.wire.relay import MOST_PROBES
+        from zacoustic.app.tools.field.probing import survey
+        from zacoustic.app.tools.field.routes import GatewayAsker, LinkAsker
 
-        check_positive(arguments, "timeout")
-        if arguments.timeout > _LONGEST_S:
-            raise ConfigError(f"--timeout {arguments.timeout:g}; allowed: at most {_LONGEST_S:g}")
-        if not 1 <= arguments.count <= MOST_PROBES:
-            raise ConfigError(f"--count {arguments.count}; allowed: 1..{MOST_PROBES}")
-        config = None if arguments.config is None else read_fleet(arguments.config)
-        nodes = _nodes(arguments.node, config)
-        found = asyncio.run(_survey(arguments, config, nodes))
+        config = self.fleet()
+        nodes = _nodes(self.node, config)
+        async with self.way(config, GatewayAsker, LinkAsker) as asker:
+            found = await survey(
+                asker,
+                nodes,
+                count=self.count,
+                timeout_s=self.timeout,
+                rng=random.Random(self.seed),
+                tell=print_note,
+            )
         proposed = _proposed(found, config)
-        if arguments.json:
+        if self.json:
             print_json(_record(found, proposed))
         else:
             print_text(_survey_text(found, proposed))
         return EXIT_OK if len(found.over) > 1 else EXIT_TIMED_OUT
 
 
-class SetRoute(Command):
-    """Gives a route another path."""
+class Changing(Asking):
+    """A verb that changes a route."""
 
-    name = "set"
-    summary = "give a route another path, without a restart"
-    prints_late = True
+    id: int = word("ID", "number of the route in the file", type=int)
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare route, path, nodes, and where to ask."""
-        _add_change(parser)
-        parser.add_argument(
-            "--path", required=True, metavar="A,B,…",
-            help="addresses from one end to the other; the ends are those of the file",
-        )  # fmt: skip
-        parser.epilog = (
-            "all nodes are asked first: if one does not answer, nothing changes. Then the relays\n"
-            "are told, then the ends, so that no frame is lost on the way. It survives a restart\n"
-            "of nodes with a journal; each executes it for the node before it on the path\n\n"
-            "example:\n  zacoustic route set 1 --path 1,4,3 --config router.json5"
-        )
-
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Change it; exit code 3 if a node has not answered in time, 1 if one refuses.
+    async def change(self, path: tuple[int, ...] | None) -> int:
+        """Give the route a path, or None: that of the file again.
 
         Raises:
             ConfigError: An argument is wrong.
             DeliveryError, ServiceError, CallTimeoutError: Nothing has changed.
         """
+        from zacoustic.app.tools.field.changing import change_path
+        from zacoustic.app.tools.field.routes import GatewayAsker, LinkAsker
+
+        config = self.fleet()
+        if config is None:
+            raise ConfigError("--config is missing; allowed: the file with the route")
+        routes = {each.route_id: each.path for each in config.rules.routes}
+        if self.id not in routes:
+            known = ", ".join(map(str, routes)) or "none, the file has no routes"
+            raise ConfigError(f"ID {self.id}; allowed: {known}")
+        of_file = routes[self.id]
+        if path is not None:
+            _check_path(path, of_file, config)
+        async with self.way(config, GatewayAsker, LinkAsker) as asker:
+            changed = await change_path(
+                asker,
+                self.id,
+                of_file if path is None else path,
+                undo=path is None,
+                nodes=[] if self.node is None else _addresses("node", self.node),
+                taken=[*routes, *(each.number for each in config.rules.bonds)],
+                timeout_s=self.timeout,
+                tell=print_note,
+            )
+        self.show(changed, _changed_text)
+        if not changed.failed:
+            return EXIT_OK
+        return EXIT_TIMED_OUT if changed.timed_out else EXIT_FAILED
+
+
+class Set(Changing):
+    """Give a route another path, without a restart.
+
+    all nodes are asked first: if one does not answer, nothing changes. Then the relays
+    are told, then the ends, so that no frame is lost on the way. It survives a restart
+    of nodes with a journal; each executes it for the node before it on the path
+
+    Example:
+      zacoustic route set 1 --path 1,4,3 --config router.json5
+    """
+
+    path: str = option(
+        "A,B,…",
+        "addresses from one end to the other; the ends are those of the file",
+        required=True,
+    )
+
+    async def work(self) -> int:
+        """Change it; exit code 3 if a node has not answered in time, 1 if one refuses."""
         from zacoustic.core.wire.routing import check_path
 
-        path = tuple(_addresses("path", arguments.path))
+        path = tuple(_addresses("path", self.path))
         try:
             check_path(path)
         except ValueError as error:
             raise ConfigError(f"--{error}") from None
-        return _change(arguments, path)
+        return await self.change(path)
 
 
-class ResetRoute(Command):
-    """Gives a route the path of the file again."""
+class Reset(Changing):
+    """Give a route the path of the file again.
 
-    name = "reset"
-    summary = "give a route the path of the file again"
-    prints_late = True
+    Example:
+      zacoustic route reset 1 --config router.json5
+    """
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare route, nodes, and where to ask."""
-        _add_change(parser)
-        parser.epilog = "example:\n  zacoustic route reset 1 --config router.json5"
-
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Reset it; exit codes as of `set`.
-
-        Raises:
-            ConfigError: An argument is wrong.
-            DeliveryError, ServiceError, CallTimeoutError: Nothing has changed.
-        """
-        return _change(arguments, None)
+    async def work(self) -> int:
+        """Reset it; exit codes as of `set`."""
+        return await self.change(None)
 
 
-def _add_change(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("id", type=int, metavar="ID", help="number of the route in the file")
-    add_node_arguments(parser)
-    parser.add_argument(
-        "--node", metavar="A,B,…", help="only these addresses (default: all of the path)"
-    )
-    parser.add_argument(
-        "--timeout", type=float, default=60.0, metavar="S",
-        help="how long to try each hop of a question, s (default: %(default)g)",
-    )  # fmt: skip
+def _check_path(path: tuple[int, ...], of_file: tuple[int, ...], config: "Config") -> None:
+    """Check that a path has the ends and the nodes of the file.
 
-
-def _change(arguments: argparse.Namespace, path: tuple[int, ...] | None) -> int:
-    from zacoustic.app.tools.fleetfile import read_fleet
-
-    check_positive(arguments, "timeout")
-    if arguments.timeout > _LONGEST_S:
-        raise ConfigError(f"--timeout {arguments.timeout:g}; allowed: at most {_LONGEST_S:g}")
-    if arguments.config is None:
-        raise ConfigError("--config is missing; allowed: the file with the route")
-    config = read_fleet(arguments.config)
-    routes = {each.route_id: each for each in config.rules.routes}
-    if arguments.id not in routes:
-        known = ", ".join(map(str, routes)) or "none, the file has no routes"
-        raise ConfigError(f"ID {arguments.id}; allowed: {known}")
-    route = routes[arguments.id]
-    if path is not None and (path[0], path[-1]) != (route.path[0], route.path[-1]):
-        raise ConfigError(
-            f"--path {arguments.path}; allowed: from {route.path[0]} to {route.path[-1]}, as in "
-            "the file"
-        )
-    listed = config.table.nodes
-    for each in path or ():
-        if listed and each not in listed:
-            raise ConfigError(f"--path {arguments.path}: no node {each} in the file")
-    nodes = [] if arguments.node is None else _addresses("node", arguments.node)
-    taken = [*routes, *(each.number for each in config.rules.bonds)]
-    changed = asyncio.run(_changed(arguments, config, path, route.path, nodes, taken))
-    if arguments.json:
-        print_json(changed)
-    else:
-        print_text(_changed_text(changed))
-    if not changed.failed:
-        return EXIT_OK
-    return EXIT_TIMED_OUT if changed.timed_out else EXIT_FAILED
-
-
-async def _changed(
-    arguments: argparse.Namespace,
-    config: "Config",
-    path: tuple[int, ...] | None,
-    of_file: tuple[int, ...],
-    nodes: "Sequence[int]",
-    taken: "Sequence[int]",
-) -> "PathChanged":
-    from zacoustic.app.tools.field.changing import change_path
-
-    async with _asker(arguments, config) as asker:
-        return await change_path(
-            asker,
-            arguments.id,
-            of_file if path is None else path,
-            undo=path is None,
-            nodes=nodes,
-            taken=taken,
-            timeout_s=arguments.timeout,
-            tell=print_note,
-        )
+    Raises:
+        ConfigError: It has not.
+    """
+    written = ",".join(map(str, path))
+    if (path[0], path[-1]) != (of_file[0], of_file[-1]):
+        allowed = f"from {of_file[0]} to {of_file[-1]}, as in the file"
+        raise ConfigError(f"--path {written}; allowed: {allowed}")
+    for each in path:
+        if config.table.nodes and each not in config.table.nodes:
+            raise ConfigError(f"--path {written}: no node {each} in the file")
 
 
 def _changed_text(changed: "PathChanged") -> str:
@@ -288,35 +223,6 @@ def _changed_text(changed: "PathChanged") -> str:
         f"route {changed.route}: {path}: {changed.why}; told: {done}. Both paths still work; give "
         "the command again"
     )
-
-
-async def _survey(
-    arguments: argparse.Namespace, config: "Config | None", nodes: "Sequence[int]"
-) -> "Survey":
-    from zacoustic.app.tools.field.probing import survey
-
-    async with _asker(arguments, config) as asker:
-        return await survey(
-            asker,
-            nodes,
-            count=arguments.count,
-            timeout_s=arguments.timeout,
-            rng=random.Random(arguments.seed),
-            tell=print_note,
-        )
-
-
-@contextlib.asynccontextmanager
-async def _asker(arguments: argparse.Namespace, config: "Config | None") -> "AsyncIterator[Asker]":
-    from zacoustic.app.tools.field.asking import local_gateways
-    from zacoustic.app.tools.field.routes import GatewayAsker, LinkAsker
-
-    if arguments.link is None:
-        async with local_gateways(config, arguments.connect) as gateways:
-            yield GatewayAsker(gateways)
-    else:
-        async with make_node(arguments) as own:
-            yield LinkAsker(own)
 
 
 def _nodes(written: str | None, config: "Config | None") -> list[int]:
@@ -342,8 +248,8 @@ def _addresses(name: str, written: str) -> list[int]:
     found = []
     for text in written.split(","):
         address = whole_number(text.strip())
-        if address is None or not 1 <= address <= _MOST_NODES:
-            allowed = f"addresses 1..{_MOST_NODES}, with commas"
+        if address is None or not 1 <= address <= MOST_NODES:
+            allowed = f"addresses 1..{MOST_NODES}, with commas"
             raise ConfigError(f"--{name} {written}; allowed: {allowed}")
         found.append(address)
     return found

@@ -1,47 +1,91 @@
-"""How a verb takes part, on Zenoh or directly on a link, and the values of typed streams."""
+"""The common part of verbs that take part, on Zenoh or directly on a link; values of streams."""
 
-import argparse
-from typing import TYPE_CHECKING, Any
+import contextlib
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from zacoustic.app.cli.support.arguments import OBJECT_PER_LINE, add_connect, add_json
-from zacoustic.app.cli.support.printing import print_line
+from zacoustic.app.cli.support.rows import OBJECT_PER_LINE, flag, number, option, repeated
+from zacoustic.app.cli.support.verb import FleetVerb
 from zacoustic.errors import ConfigError
 
 if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Callable
+
+    from zacoustic.app.tools.field.asking import Gateways
+    from zacoustic.config import Config
     from zacoustic.core.streams.table import Stream
     from zacoustic.core.values.types import TypeSpec
     from zacoustic.zenoh.node import Node
 
+T = TypeVar("T")
 
-def add_node_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare how a verb takes part: on Zenoh, or directly on a link."""
-    where = parser.add_mutually_exclusive_group()
-    add_connect(where)
-    where.add_argument("--link", metavar="LOCATOR", help="straight on a link; needs --config")
-    parser.add_argument("--config", metavar="FILE", help="file with the section plugins.acoustic")
-    parser.add_argument(
-        "--address", type=int, metavar="N", help="acoustic address, instead of the file's"
+
+class Participant(FleetVerb):
+    """A verb that takes part: on Zenoh, or directly on a link."""
+
+    connect: list[str] | None = repeated(
+        "ENDPOINT", "Zenoh endpoint, tcp/HOST:PORT", None, either="where"
     )
-    add_json(parser, OBJECT_PER_LINE)
+    link: str | None = option("LOCATOR", "straight on a link; needs --config", either="where")
+    config: str | None = option("FILE", "file with the section plugins.acoustic")
+    address: int | None = number("N", "acoustic address, instead of the file's")
+    json: bool = flag(OBJECT_PER_LINE)
 
+    def make_node(self) -> "Node":
+        """Make the node that the arguments describe; it is not open yet.
 
-def make_node(arguments: argparse.Namespace) -> "Node":
-    """Make the node described by the arguments; it is not open yet.
+        Raises:
+            ConfigError: A link without a config.
+        """
+        from zacoustic.zenoh.node import Node
 
-    Raises:
-        ConfigError: A link without a config.
-    """
-    from zacoustic.zenoh.node import Node
+        if self.link is not None and self.config is None:
+            raise ConfigError("--link needs --config FILE, which has the stream ids")
+        return Node(
+            "command line",
+            config=self.config,
+            link=self.link,
+            connect=self.connect,
+            address=self.address,
+        )
 
-    if arguments.link is not None and arguments.config is None:
-        raise ConfigError("--link needs --config FILE, which has the stream ids")
-    return Node(
-        "command line",
-        config=arguments.config,
-        link=arguments.link,
-        connect=arguments.connect,
-        address=arguments.address,
-    )
+    @contextlib.asynccontextmanager
+    async def way(
+        self,
+        config: "Config | None",
+        by_gateways: "Callable[[Gateways], T]",
+        by_link: "Callable[[Node], T]",
+    ) -> "AsyncIterator[T]":
+        """Open the way to other nodes, through the gateways here or through a node of its own.
+
+        Args:
+            config: As read.
+            by_gateways: Makes the object that asks the gateways.
+            by_link: Makes the object that asks on the link.
+
+        Raises:
+            SessionError, LinkError: There is no way.
+        """
+        from zacoustic.app.tools.field.asking import local_gateways
+
+        if self.link is None:
+            async with local_gateways(config, self.connect) as gateways:
+                yield by_gateways(gateways)
+        else:
+            async with self.make_node() as own:
+                yield by_link(own)
+
+    def print_value(self, record: dict[str, Any], value: object, told: str = "{}") -> None:
+        """Print a value, for people in a line of its own.
+
+        Args:
+            record: Further members of the JSON object.
+            value: The value.
+            told: The line for people, with a place for the value.
+        """
+        from zacoustic.zenoh.node.api.text import line_of, shown_value
+
+        shown = shown_value(value, "")
+        self.line({**record, **shown}, told.replace("{}", line_of(shown)))
 
 
 def class_of(spec: "TypeSpec | None") -> type[bytes] | str:
@@ -63,18 +107,3 @@ def read_request(stream: "Stream", text: str, *, source: str) -> Any:  # noqa: A
     from zacoustic.zenoh.node.api.text import read_text
 
     return read_text(text or ("{}" if stream.type is not None else ""), stream.type, source=source)
-
-
-def print_value(record: dict[str, Any], value: object, *, as_json: bool, told: str = "{}") -> None:
-    """Print a value, for people in a line of its own.
-
-    Args:
-        record: Further members of the JSON object.
-        value: The value.
-        as_json: Print a JSON object.
-        told: The line for people, with a place for the value.
-    """
-    from zacoustic.zenoh.node.api.text import line_of, shown_value
-
-    shown = shown_value(value, "")
-    print_line({**record, **shown}, told.replace("{}", line_of(shown)), as_json=as_json)

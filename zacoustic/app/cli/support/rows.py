@@ -93,7 +93,7 @@ def word(metavar: str, meaning: str, many: str | None = None, **settings: Any) -
     return Row(None, meaning, metavar=metavar, nargs=many, **settings)
 
 
-def option(metavar: str, meaning: str, default: Any = None, **settings: Any) -> Any:
+def option(metavar: str | None, meaning: str, default: Any = None, **settings: Any) -> Any:
     """Declare an option with a text, or of another `type`."""
     return Row(settings.pop("flags", ()), meaning, metavar=metavar, default=default, **settings)
 

@@ -57,12 +57,15 @@ class Verb(Command):
     """Whether SIGINT or SIGTERM ends it regularly, with exit code 0; `stop` then ends it, too."""
 
     json: bool = flag(ONE_OBJECT)
+    program: str
+    """The words that call it, for messages."""
     stop: "asyncio.Event"
 
     def __init_subclass__(cls) -> None:
         """Take the texts from the docstring."""
         head, _, rest = inspect.cleandoc(cls.__doc__ or "").partition("\n\n")
-        cls.epilog = f"\n{rest}".replace("\nExample", "\nexample")[1:]
+        if "epilog" not in vars(cls):  # a docstring takes no figures of the code
+            cls.epilog = f"\n{rest}".replace("\nExample", "\nexample")[1:]
         summary = " ".join(head.split()).removesuffix(".")
         cls.summary = summary[:1].lower() + summary[1:]
 
@@ -82,7 +85,7 @@ class Verb(Command):
         """Declare the arguments, and the end of the help."""
         # Set on the instance, not on the class: the tree of verbs knows the words.
         self.name = parser.prog.rpartition(" ")[2]  # type: ignore[misc]
-        self._program = parser.prog
+        self.program = parser.prog
         parser.epilog = self.epilog
         groups: dict[str, argparse._ArgumentGroup] = {}
         for name, row in self.rows().items():
@@ -129,7 +132,7 @@ class Verb(Command):
 
     def note(self, text: str) -> None:
         """Print a line on standard error, in the name of the verb."""
-        print_note(f"{self._program}: {text}")
+        print_note(f"{self.program}: {text}")
 
 
 class FleetVerb(Verb):

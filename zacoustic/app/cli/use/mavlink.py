@@ -1,25 +1,26 @@
-"""The verb `zacoustic mavlink`: joins an autopilot and a ground station through the gateways."""
+"""The verbs `zacoustic mavlink`: join an autopilot and a ground station through the gateways."""
 
-import argparse
-import asyncio
 import secrets
 import time
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from zacoustic.app.cli.support.arguments import (
-    OBJECT_PER_LINE,
-    add_connect,
-    add_json,
-)
 from zacoustic.app.cli.support.printing import print_json, print_text
+from zacoustic.app.cli.support.rows import (
+    OBJECT_PER_LINE,
+    flag,
+    number,
+    option,
+    repeated,
+    seconds,
+    word,
+)
+from zacoustic.app.cli.support.verb import Verb
 from zacoustic.errors import ConfigError
-from zacoustic.link.command import EXIT_OK, Command, CommandGroup
-from zacoustic.link.serving import run_until_stopped
 from zacoustic.text.safetext import one_line
 
 if TYPE_CHECKING:
     from zacoustic.config import Config
-    from zacoustic.mavlink.bridge import Settings, Tell
+    from zacoustic.mavlink.bridge import Settings
     from zacoustic.mavlink.entries import Names
     from zacoustic.mavlink.outputs import Notice
 
@@ -30,141 +31,173 @@ GROUND_EVERY_S: Final = 20.0
 LOST_AFTER_S: Final = 90.0
 """Silence after which the other side is lost, s: four signs of life of either side."""
 
-_SHORTEST_S, _LONGEST_S = 0.1, 86_400.0
+_SPAN_S: Final = {"least": 0.1, "most": 86_400.0}
+_SYSTEM: Final = {"least": 1, "most": 255}
 _FASTEST_BAUD: Final = 10_000_000
 
 
-class MavlinkCommand(CommandGroup):
-    """The bridges to MAVLink."""
-
-    name = "mavlink"
-
-    def __init__(self) -> None:
-        members = {member.name: member for member in (OnVehicle(), OnShore(), Streams())}
-        super().__init__(self.name, members, tuple(members))
-        self.summary = "join an autopilot to a ground station"  # type: ignore[misc]
+def _place_of(what: str) -> Any:  # noqa: ANN401 (a row)
+    places = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:PORT"
+    return option("PLACE", f"{what}: {places}", required=True)
 
 
-class OnVehicle(Command):
-    """Runs the bridge beside the autopilot."""
+class Bridge(Verb):
+    """One of the two bridges to MAVLink."""
 
-    name = "vehicle"
-    summary = "beside the autopilot: serve its commands, publish HIGH_LATENCY2"
+    prints_late = False
+    runs_on = True
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, port and times."""
-        _add_bridge(parser, "the autopilot, or a router of its packets")
-        parser.add_argument(
-            "--interval", type=float, default=INTERVAL_S, metavar="S",
-            help="time between two HIGH_LATENCY2, s (default: %(default)g)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--lost-after", type=float, default=LOST_AFTER_S, metavar="S",
-            help="end the heartbeats to the autopilot when nothing of shore is heard for this "
-            "long, s (default: %(default)g)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--system", type=int, metavar="N", help="system id of the autopilot, if there are more"
+    file: str = word("FILE", "Zenoh config with plugins.acoustic")
+    mavlink: str
+    baudrate: int | None = number(
+        "N", "of a serial port (default: 57600)", least=1, most=_FASTEST_BAUD
+    )
+    connect: list[str] | None = repeated("ENDPOINT", "Zenoh endpoint, tcp/HOST:PORT", None)
+    prefix: str | None = option("KEY", "first part of the streams' names, if there are more")
+    json: bool = flag(OBJECT_PER_LINE)
+
+    def read(self) -> "tuple[Config, Names]":
+        """Read the file, and find the streams of the bridge.
+
+        Raises:
+            ConfigError: The file is wrong, or lacks them.
+        """
+        from zacoustic.mavlink.bridge import read_fleet
+        from zacoustic.mavlink.entries import find_names
+
+        config = read_fleet(self.file)
+        return config, find_names(config, self.prefix, source=self.file)
+
+    def settings(self, config: "Config", address: int) -> "Settings":
+        """Return the settings of both bridges."""
+        from zacoustic.mavlink.bridge import Settings
+        from zacoustic.mavlink.port import BAUDRATE
+
+        return Settings(
+            config=config,
+            connect=self.connect,
+            place=self.mavlink,
+            baudrate=self.baudrate or BAUDRATE,
+            address=address,
         )
-        parser.add_argument(
-            "--ground-system", type=int, default=255, metavar="N",
-            help="system id of the ground station whose loss the autopilot watches "
-            "(default: %(default)d)",
-        )  # fmt: skip
-        parser.epilog = (
-            "example:\n"
-            "  zacoustic mavlink vehicle fleet.json5 --mavlink udpin:127.0.0.1:14551\n"
-            "  zacoustic mavlink vehicle fleet.json5 --mavlink serial:/dev/ttyACM0 --baudrate "
-            "115200"
-        )
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    def tell(self, notice: "Notice") -> None:
+        """Print a notice; without a reader, end."""
+        try:
+            if self.json:
+                print_json(notice, flush=True)
+                return
+            now = time.strftime("%H:%M:%S")
+            sign = "!" if notice.is_trouble else " "
+            print_text(one_line(f"{now} {sign} {notice.event}: {notice.text}"), flush=True)
+        except BrokenPipeError:
+            self.stop.set()
+
+
+class Vehicle(Bridge):
+    """Beside the autopilot: serve its commands, publish HIGH_LATENCY2.
+
+    Example:
+      zacoustic mavlink vehicle fleet.json5 --mavlink udpin:127.0.0.1:14551
+      zacoustic mavlink vehicle fleet.json5 --mavlink serial:/dev/ttyACM0 --baudrate 115200
+    """
+
+    mavlink: str = _place_of("the autopilot, or a router of its packets")
+    interval: float = seconds("time between two HIGH_LATENCY2, s", INTERVAL_S, **_SPAN_S)
+    lost_after: float = seconds(
+        "end the heartbeats to the autopilot when nothing of shore is heard for this long, s",
+        LOST_AFTER_S,
+        **_SPAN_S,
+    )
+    system: int | None = number("N", "system id of the autopilot, if there are more", **_SYSTEM)
+    ground_system: int = number(
+        "N", "system id of the ground station whose loss the autopilot watches", 255, **_SYSTEM
+    )
+
+    async def work(self) -> None:
         """Run until SIGINT or SIGTERM.
 
         Raises:
             ConfigError: The file or an argument is wrong.
             SessionError, LinkOpenError: No Zenoh router; the port is in use.
         """
-        _check(arguments, "interval", "lost_after")
-        _check_system(arguments, "system", "ground_system")
-        run_until_stopped(lambda stop: _run_on_vehicle(arguments, stop))
-        return EXIT_OK
+        from zacoustic.mavlink.autopilot import AutopilotSide
+        from zacoustic.mavlink.vehicle import VehicleBridge, vehicle_address
+        from zacoustic.mavlink.vehicletime import PERIOD_MS
 
-
-class OnShore(Command):
-    """Runs the bridge beside the ground station."""
-
-    name = "shore"
-    summary = "beside the ground station: show the vehicle, pass commands on"
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, port and times."""
-        _add_bridge(parser, "the ground station")
-        parser.add_argument(
-            "--every", type=float, default=GROUND_EVERY_S, metavar="S",
-            help="tell the vehicle this often that a ground station is there, s "
-            "(default: %(default)g)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--lost-after", type=float, default=LOST_AFTER_S, metavar="S",
-            help="show nothing when no report has come for this long, s (default: %(default)g)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--present", action="store_true",
-            help="count the ground station as there without its heartbeats",
-        )  # fmt: skip
-        parser.add_argument(
-            "--instruments", action="store_true",
-            help="show each report as GLOBAL_POSITION_INT, SYS_STATUS and VFR_HUD as well, which "
-            "MAVSDK and MAVProxy read",
-        )  # fmt: skip
-        parser.epilog = (
-            "example:\n  zacoustic mavlink shore fleet.json5 --mavlink udpout:127.0.0.1:14550"
+        config, names = self.read()
+        engine = AutopilotSide(
+            interval_s=self.interval,
+            lost_after_s=self.lost_after,
+            system=self.system,
+            ground_system=self.ground_system,
+            clock_ms=secrets.randbelow(PERIOD_MS),
+            now=time.monotonic_ns(),
         )
+        settings = self.settings(config, vehicle_address(names))
+        await VehicleBridge(engine, settings, names, self.tell).run()
 
-    def run(self, arguments: argparse.Namespace) -> int:
+
+class Shore(Bridge):
+    """Beside the ground station: show the vehicle, pass commands on.
+
+    Example:
+      zacoustic mavlink shore fleet.json5 --mavlink udpout:127.0.0.1:14550
+    """
+
+    mavlink: str = _place_of("the ground station")
+    every: float = seconds(
+        "tell the vehicle this often that a ground station is there, s", GROUND_EVERY_S, **_SPAN_S
+    )
+    lost_after: float = seconds(
+        "show nothing when no report has come for this long, s", LOST_AFTER_S, **_SPAN_S
+    )
+    present: bool = flag("count the ground station as there without its heartbeats")
+    instruments: bool = flag(
+        "show each report as GLOBAL_POSITION_INT, SYS_STATUS and VFR_HUD as well, which MAVSDK and "
+        "MAVProxy read"
+    )
+
+    async def work(self) -> None:
         """Run until SIGINT or SIGTERM.
 
         Raises:
             ConfigError: The file or an argument is wrong.
             SessionError, LinkOpenError: No Zenoh router; the port is in use.
         """
-        _check(arguments, "every", "lost_after")
-        run_until_stopped(lambda stop: _run_on_shore(arguments, stop))
-        return EXIT_OK
+        from zacoustic.mavlink.shore import ShoreBridge, shore_address
+        from zacoustic.mavlink.station import StationSide
 
-
-class Streams(Command):
-    """Prints the entries of the stream table."""
-
-    name = "streams"
-    summary = "print the types and streams to add to the fleet's file"
-
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare names, addresses and ids."""
-        parser.add_argument(
-            "--prefix", default="auv1/mavlink", metavar="KEY",
-            help="first part of the names (default: %(default)s)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--vehicle", type=int, default=2, metavar="N",
-            help="acoustic address of the vehicle (default: %(default)d)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--shore", type=int, default=1, metavar="N",
-            help="acoustic address of the shore (default: %(default)d)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--first-id", type=int, default=60, metavar="N",
-            help="first of six stream ids (default: %(default)d)",
-        )  # fmt: skip
-        add_json(parser)
-        parser.epilog = (
-            "a second vehicle needs only the lines of `streams`: the types are the same\n\n"
-            "example:\n  zacoustic mavlink streams --prefix auv1/mavlink --vehicle 2"
+        config, names = self.read()
+        engine = StationSide(
+            names.prefix.partition("/")[0],
+            ground_every_s=self.every,
+            lost_after_s=self.lost_after,
+            is_present=self.present,
+            has_instruments=self.instruments,
+            now=time.monotonic_ns(),
         )
+        settings = self.settings(config, shore_address(names))
+        await ShoreBridge(engine, settings, names, self.tell).run()
 
-    def run(self, arguments: argparse.Namespace) -> int:
+
+class Streams(Verb):
+    """Print the types and streams to add to the fleet's file.
+
+    a second vehicle needs only the lines of `streams`: the types are the same
+
+    Example:
+      zacoustic mavlink streams --prefix auv1/mavlink --vehicle 2
+    """
+
+    prints_late = False
+
+    prefix: str = option("KEY", "first part of the names", "auv1/mavlink")
+    vehicle: int = number("N", "acoustic address of the vehicle", 2)
+    shore: int = number("N", "acoustic address of the shore", 1)
+    first_id: int = number("N", "first of six stream ids", 60)
+
+    def work(self) -> None:
         """Print them.
 
         Raises:
@@ -173,122 +206,8 @@ class Streams(Command):
         from zacoustic.config import config_from_mapping
         from zacoustic.mavlink.entries import entries, entries_text
 
-        if arguments.vehicle == arguments.shore:
-            raise ConfigError(f"--vehicle {arguments.vehicle}; allowed: another one than --shore")
-        made = entries(
-            arguments.prefix,
-            vehicle=arguments.vehicle,
-            shore=arguments.shore,
-            first_id=arguments.first_id,
-        )
-        section = {"address": arguments.shore, **made}
-        config_from_mapping(section, source="zacoustic mavlink streams")
-        if arguments.json:
-            print_json(made)
-        else:
-            print_text(entries_text(made))
-        return EXIT_OK
-
-
-def _add_bridge(parser: argparse.ArgumentParser, what: str) -> None:
-    parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
-    parser.add_argument(
-        "--mavlink", required=True, metavar="PLACE",
-        help=f"{what}: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:PORT",
-    )  # fmt: skip
-    parser.add_argument(
-        "--baudrate", type=int, metavar="N", help="of a serial port (default: 57600)"
-    )
-    add_connect(parser)
-    parser.add_argument(
-        "--prefix", metavar="KEY", help="first part of the streams' names, if there are more"
-    )
-    add_json(parser, OBJECT_PER_LINE)
-
-
-def _check(arguments: argparse.Namespace, *names: str) -> None:
-    for name in names:
-        value = getattr(arguments, name)
-        if not _SHORTEST_S <= value <= _LONGEST_S:
-            limits = f"{_SHORTEST_S:g}..{_LONGEST_S:g}"
-            raise ConfigError(f"--{name.replace('_', '-')} {value:g}; allowed: {limits}")
-    if arguments.baudrate is not None and not 1 <= arguments.baudrate <= _FASTEST_BAUD:
-        raise ConfigError(f"--baudrate {arguments.baudrate}; allowed: 1..{_FASTEST_BAUD}")
-
-
-def _check_system(arguments: argparse.Namespace, *names: str) -> None:
-    for name in names:
-        value = getattr(arguments, name)
-        if value is not None and not 1 <= value <= 255:
-            raise ConfigError(f"--{name.replace('_', '-')} {value}; allowed: 1..255")
-
-
-async def _run_on_vehicle(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
-    from zacoustic.mavlink.autopilot import AutopilotSide
-    from zacoustic.mavlink.vehicle import VehicleBridge, vehicle_address
-    from zacoustic.mavlink.vehicletime import PERIOD_MS
-
-    config, names = _read(arguments)
-    engine = AutopilotSide(
-        interval_s=arguments.interval,
-        lost_after_s=arguments.lost_after,
-        system=arguments.system,
-        ground_system=arguments.ground_system,
-        clock_ms=secrets.randbelow(PERIOD_MS),
-        now=time.monotonic_ns(),
-    )
-    settings = _settings(arguments, config, vehicle_address(names))
-    await VehicleBridge(engine, settings, names, _printer(arguments, stop)).run()
-
-
-async def _run_on_shore(arguments: argparse.Namespace, stop: asyncio.Event) -> None:
-    from zacoustic.mavlink.shore import ShoreBridge, shore_address
-    from zacoustic.mavlink.station import StationSide
-
-    config, names = _read(arguments)
-    engine = StationSide(
-        names.prefix.partition("/")[0],
-        ground_every_s=arguments.every,
-        lost_after_s=arguments.lost_after,
-        is_present=arguments.present,
-        has_instruments=arguments.instruments,
-        now=time.monotonic_ns(),
-    )
-    settings = _settings(arguments, config, shore_address(names))
-    await ShoreBridge(engine, settings, names, _printer(arguments, stop)).run()
-
-
-def _read(arguments: argparse.Namespace) -> "tuple[Config, Names]":
-    from zacoustic.mavlink.bridge import read_fleet
-    from zacoustic.mavlink.entries import find_names
-
-    config = read_fleet(arguments.file)
-    return config, find_names(config, arguments.prefix, source=arguments.file)
-
-
-def _settings(arguments: argparse.Namespace, config: "Config", address: int) -> "Settings":
-    from zacoustic.mavlink.bridge import Settings
-    from zacoustic.mavlink.port import BAUDRATE
-
-    return Settings(
-        config=config,
-        connect=arguments.connect,
-        place=arguments.mavlink,
-        baudrate=arguments.baudrate or BAUDRATE,
-        address=address,
-    )
-
-
-def _printer(arguments: argparse.Namespace, stop: asyncio.Event) -> "Tell":
-    def tell(notice: "Notice") -> None:
-        try:
-            if arguments.json:
-                print_json(notice, flush=True)
-                return
-            now = time.strftime("%H:%M:%S")
-            sign = "!" if notice.is_trouble else " "
-            print_text(one_line(f"{now} {sign} {notice.event}: {notice.text}"), flush=True)
-        except BrokenPipeError:
-            stop.set()
-
-    return tell
+        if self.vehicle == self.shore:
+            raise ConfigError(f"--vehicle {self.vehicle}; allowed: another one than --shore")
+        made = entries(self.prefix, vehicle=self.vehicle, shore=self.shore, first_id=self.first_id)
+        config_from_mapping({"address": self.shore, **made}, source=self.program)
+        self.show(made, entries_text)
