@@ -324,7 +324,7 @@ def test_a_wrong_campaign_is_one_line_and_makes_nothing(
 @pytest.mark.parametrize(
     ("words", "expected"),
     [
-        (["--workers", "0"], "--workers 0; allowed: 1 to 1024"),
+        (["--workers", "0"], "--workers 0; allowed: 1..1024"),
         (["--timeout", "nan"], "--timeout nan; allowed: above 0"),
         (["--scheduler", "harbour"], "--scheduler harbour; allowed: tcp://HOST:PORT"),
         (["--output", "/dev/null"], "/dev/null"),

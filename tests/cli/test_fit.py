@@ -182,7 +182,7 @@ def test_wrong_arguments_are_one_line(
     recording = write(tmp_path / "a.jsonl", dive(1, 20))
     packed = write_config(tmp_path / "packed.json5", codec="packed")
     cases: tuple[tuple[list[Path | str], str], ...] = (
-        (["--config", fleet, "--window", "0"], "--window 0; allowed: seconds, above 0"),
+        (["--config", fleet, "--window", "0"], "--window 0; allowed: above 0, 1e-06..1e+09 s"),
         (["--config", packed], "no stream is dense; allowed: topics with a type"),
         (["--config", fleet, "--output", tmp_path / "no" / "m"], "--output "),
     )

@@ -63,7 +63,7 @@ def test_the_trace_is_lines_that_decode_reads(
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (["--until", "0"], "--until 0; allowed: seconds, above 0"),
+        (["--until", "0"], "--until 0; allowed: above 0"),
         (["--until", "nan"], "--until nan; allowed"),
         (["--trace", "/nowhere/at/all"], "--trace /nowhere/at/all: "),
         (["--seed", "x"], "--seed"),

@@ -345,7 +345,7 @@ def test_what_is_wrong_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture
     with pytest.raises(ConfigError, match="no traffic rates"):
         plan(silent)
     assert main(["config", "plan", str(silent), "--loss", "2"]) == 2
-    assert "--loss 2; allowed: 0 to 0.9" in capsys.readouterr().err
+    assert "--loss 2; allowed: 0..0.9" in capsys.readouterr().err
     stranger = channel(tmp_path, {"node": 2, "topic": "no", "every_s": 1, "size_bytes": 1})
     assert main(["config", "plan", str(stranger)]) == 2
     assert '"no" of node 2; allowed: log' in capsys.readouterr().err

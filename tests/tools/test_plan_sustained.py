@@ -7,7 +7,7 @@ import pytest
 
 from zacoustic.app.cli import main
 from zacoustic.app.tools.design.plan.report import PlanReport, plan
-from zacoustic.app.tools.design.plan.slots import ScheduleOptions
+from zacoustic.app.tools.design.schedule import ScheduleOptions
 
 LINK = '{ locator: "sim/127.0.0.1:7000" }'
 CONFIG = """{ plugins: { acoustic: { address: 1, links: [ LINK ],

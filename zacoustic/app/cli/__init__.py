@@ -1,4 +1,4 @@
-"""The command line: one file for each verb, one exit code for each kind of outcome.
+"""The command line: one declaration for each verb, one exit code for each kind of outcome.
 
 `main` finds the verb, parses its arguments, runs it, and turns every expected error into one line
 on standard error and an exit code (`zacoustic.link.command`)::
@@ -11,8 +11,9 @@ on standard error and an exit code (`zacoustic.link.command`)::
 in it or among those of link packages. A verb is imported when it is called or listed, and imports
 heavy modules only when it runs, so that `zacoustic --help` does not load Zenoh.
 
-The work of a verb is done in `zacoustic.app.tools`, `zacoustic.zenoh.gateway` or
-`zacoustic.zenoh.node`; the files here read arguments and print results.
+A verb of ours is a class (`zacoustic.app.cli.support.verb`): its docstring is its help, its rows
+are its arguments, and `work` is what it does. The work itself is done in `zacoustic.app.tools`,
+`zacoustic.zenoh.gateway` or `zacoustic.zenoh.node`.
 """
 
 import argparse

@@ -1,31 +1,23 @@
-"""The verb `zacoustic config check`: is a configuration valid, and what airtime does it take?"""
+"""The verb `zacoustic config check`."""
 
-import argparse
-
-from zacoustic.app.cli.support.arguments import add_json, add_node_file, add_profile
-from zacoustic.app.cli.support.printing import print_note, print_result
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, EXIT_USAGE, Command
+from zacoustic.app.cli.support.rows import modem_profile
+from zacoustic.app.cli.support.verb import LinkedVerb
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK, EXIT_USAGE
 
 
-class CheckCommand(Command):
-    """Validates a file and prints its stream table."""
+class Check(LinkedVerb):
+    """Validate a configuration and show bytes and airtime of every stream.
 
-    name = "check"
-    summary = "validate a configuration and show bytes and airtime of every stream"
-    prints_late = True
+    exits with 1 when the file is valid, and its link or its key file cannot be used on
+    this computer, or something in it can never cross; with 2 when it is not valid
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, address, modem profile and form of the output."""
-        add_node_file(parser)
-        add_profile(parser, " of the airtimes")
-        add_json(parser)
-        parser.epilog = (
-            "exits with 1 when the file is valid, and its link or its key file cannot be used on\n"
-            "this computer, or something in it can never cross; with 2 when it is not valid\n\n"
-            "example:\n  zacoustic config check fleet.json5 --address 2"
-        )
+    Example:
+      zacoustic config check fleet.json5 --address 2
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    profile: str | None = modem_profile(" of the airtimes")
+
+    def work(self) -> int:
         """Print the report; fails if a link is unusable here, or a stream never crosses.
 
         Raises:
@@ -37,18 +29,17 @@ class CheckCommand(Command):
         from zacoustic.channel.profiles import profile_named
         from zacoustic.config import read_config
 
-        profile = profile_named(arguments.profile) if arguments.profile else None
-        config = read_config(arguments.file, address=arguments.address, locator=arguments.link)
+        profile = profile_named(self.profile) if self.profile else None
+        config = read_config(self.file, address=self.address, locator=self.link)
         report = report_of(config, profile)
-        print_result(report, as_text, as_json=arguments.json)
+        self.show(report, as_text)
         wrong, fails = False, bool(report.misfits)
         for index, link in enumerate(report.links):
             if link.error:
-                key = f"{arguments.file}: plugins.acoustic.links[{index}].locator"
-                where = "--link" if arguments.link else key
-                print_note(f"zacoustic config check: {where}: {link.error}")
+                key = f"{self.file}: plugins.acoustic.links[{index}].locator"
+                self.note(f"{'--link' if self.link else key}: {link.error}")
                 wrong, fails = wrong or link.is_wrong, True
         for refusal in key_refusals(config):
-            print_note(f"zacoustic config check: {refusal}")
+            self.note(refusal)
             fails = True
         return EXIT_USAGE if wrong else EXIT_FAILED if fails else EXIT_OK

@@ -1,44 +1,27 @@
-"""The verb `zacoustic codec fit`: a model of dense topics from recordings."""
+"""The verb `zacoustic codec fit`."""
 
-import argparse
 from pathlib import Path
 
-from zacoustic.app.cli.support.arguments import add_json, add_telemetry, window_of
+from zacoustic.app.cli.design.telemetry import Telemetry
 from zacoustic.app.cli.support.newfile import new_file
-from zacoustic.app.cli.support.printing import print_note, print_result, print_text
+from zacoustic.app.cli.support.printing import print_text
+from zacoustic.app.cli.support.rows import option
 from zacoustic.errors import ConfigError
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK
 
 
-class FitCommand(Command):
-    """Fits a model, and tests whether it helps."""
+class Fit(Telemetry):
+    """Fit a model of the dense topics to recordings, and report whether it helps.
 
-    name = "fit"
-    summary = "fit a model of the dense topics to recordings, and report whether it helps"
-    prints_late = True
+    exits with 1 when frames are no smaller with the model; it is written all the same
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare recordings, configuration, model and form of the output."""
-        add_telemetry(
-            parser,
-            config="the streams and types",
-            window="samples within this time share a frame",
-        )
-        parser.add_argument(
-            "--output",
-            type=Path,
-            metavar="MODEL",
-            help="write the model, which the key `model` names",
-        )
-        add_json(parser)
-        parser.epilog = (
-            "exits with 1 when frames are no smaller with the model; it is written all the same\n\n"
-            "example:\n"
-            "  zacoustic codec fit monday.jsonl.gz tuesday.jsonl.gz --config fleet.json5 "
-            "--output survey.model.json"
-        )
+    Example:
+      zacoustic codec fit monday.jsonl.gz tuesday.jsonl.gz --config fleet.json5 --output survey.model.json
+    """  # noqa: E501 (wide on a terminal)
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    output: Path | None = option("MODEL", "write the model, which the key `model` names", type=Path)
+
+    def work(self) -> int:
         """Fit, print, write; fails if the model does not help.
 
         Raises:
@@ -51,25 +34,24 @@ class FitCommand(Command):
         from zacoustic.app.tools.design.telemetry.recording import read_recordings
         from zacoustic.app.tools.fleetfile import read_fleet
 
-        window_s = window_of(arguments)
-        config = read_fleet(arguments.config, with_model=False)
-        table = config.table
+        config = read_fleet(self.config, with_model=False)
+        table, window_s = config.table, self.window
         if all(stream.dense_type is None or stream.type is None for stream in table):
             raise ConfigError(
-                f"{arguments.config}: no stream is dense; allowed: topics with a type",
+                f"{self.config}: no stream is dense; allowed: topics with a type",
                 hint='give a topic a type and codec: "dense"; without a type nothing can be fitted',
             )
-        with new_file("--output", arguments.output) as model:
+        with new_file("--output", self.output) as model:
             recordings = read_recordings(
-                arguments.recordings, table, only_dense=True, window_s=window_s, ros=config.ros
+                self.recordings, table, only_dense=True, window_s=window_s, ros=config.ros
             )
             fitted, report = fit_recordings(recordings, table, window_s=window_s)
             if model is not None:
                 model.write(msgspec.json.encode(fitted, order="sorted") + b"\n")
-        print_result(report, as_text, as_json=arguments.json)
-        if arguments.output is not None and not arguments.json:
-            print_text(f"{arguments.output}: written; name it under the key model, at both ends")
+        self.show(report, as_text)
+        if self.output is not None and not self.json:
+            print_text(f"{self.output}: written; name it under the key model, at both ends")
         if not report.helps:
-            print_note("zacoustic codec fit: the model does not help: do without it")
+            self.note("the model does not help: do without it")
             return EXIT_FAILED
         return EXIT_OK

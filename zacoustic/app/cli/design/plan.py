@@ -1,121 +1,123 @@
-"""The verb `zacoustic config plan`: does the traffic fit the channel?"""
+"""The verb `zacoustic config plan`."""
 
-import argparse
-import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from zacoustic.app.cli.support.arguments import add_json, add_load
 from zacoustic.app.cli.support.atwork import AT_WORK
-from zacoustic.app.cli.support.printing import print_result
+from zacoustic.app.cli.support.rows import (
+    MOST_NODES,
+    flag,
+    modem_profile,
+    real,
+    repeated,
+    whole,
+    word,
+)
+from zacoustic.app.cli.support.verb import Verb
 from zacoustic.errors import ConfigError
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK
 
 if TYPE_CHECKING:
-    from zacoustic.app.tools.design.plan.slots import ScheduleOptions
+    from zacoustic.app.tools.design.schedule import ScheduleOptions
+
+_FARTHEST_M: Final = 100_000.0
 
 
-class PlanCommand(Command):
-    """Runs the engines with the traffic in virtual time, for some seconds."""
+class Plan(Verb):
+    """Airtime, latency and energy of the traffic; what would make it fit.
 
-    name = "plan"
-    summary = "airtime, latency and energy of the traffic; what would make it fit"
-    prints_late = True
+    rates come from the scenario's traffic, as in `zacoustic sim`; or the
+    recording; or min_interval_s and deadline_s of the config. Exits with 1 when it does
+    not fit. docs/plan.md explains the figures
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, recordings, channel and form of the output."""
-        parser.add_argument(
-            "file", metavar="FILE", help="scenario with traffic, or config with plugins.acoustic"
-        )
-        add_load(
-            parser, recording="take sizes and rates from this recording", profile=", of a config"
-        )
-        parser.add_argument(
-            "--link-profile", action="append", default=[], metavar="LINK=NAME",
-            help="modem of another link of a config than its first; may be given again",
-        )  # fmt: skip
-        parser.add_argument(
-            "--range", type=float, metavar="M", help="distance of the nodes of a config, m (1000)"
-        )
-        parser.add_argument(
-            "--loss", type=float, metavar="SHARE",
-            help="share of the frames of a config that are lost, 0 to 0.9 (0)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--hours",
-            type=float,
-            metavar="H",
-            help="how long to simulate, h (4, or less)",
-        )
-        parser.add_argument(
-            "--transmit-w", type=float, metavar="W",
-            help="what the modem takes while it transmits, W (default: from its source level)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--schedule",
-            action="store_true",
-            help="also print a schedule for these nodes, as the table access of their configs",
-        )
-        parser.add_argument(
-            "--clock-error", type=float, metavar="S", help="of a schedule: of any clock, s (0.01)"
-        )
-        parser.add_argument(
-            "--clock",
-            type=int,
-            metavar="ADDRESS",
-            help="of a schedule: the node whose clock all follow (default: UTC from each host)",
-        )
-        parser.add_argument(
-            "--drift",
-            type=float,
-            metavar="M",
-            help="of a schedule: how far each node may be from its place, m (0)",
-        )
-        parser.add_argument(
-            "--hears", type=float, metavar="M",
-            help="of a schedule: nodes farther apart do not hear each other, m (all do)",
-        )  # fmt: skip
-        add_json(parser)
-        parser.epilog = (
-            "rates come from the scenario's traffic, as in `zacoustic sim`; or the\n"
-            "recording; or min_interval_s and deadline_s of the config. Exits with 1 when it does\n"
-            "not fit. docs/plan.md explains the figures\n\n"
-            "example:\n"
-            "  zacoustic config plan water.json5\n"
-            "  zacoustic config plan fleet.json5 --recording monday.jsonl --loss 0.2 --range 1500\n"
-            "  zacoustic config plan water.json5 --schedule --drift 100"
-        )
+    Example:
+      zacoustic config plan water.json5
+      zacoustic config plan fleet.json5 --recording monday.jsonl --loss 0.2 --range 1500
+      zacoustic config plan water.json5 --schedule --drift 100
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    file: str = word("FILE", "scenario with traffic, or config with plugins.acoustic")
+    recording: list[str] = repeated("RECORDING", "take sizes and rates from this recording")
+    profile: str | None = modem_profile(", of a config")
+    link_profile: list[str] = repeated(
+        "LINK=NAME", "modem of another link of a config than its first"
+    )
+    range: float | None = real(
+        "M", "distance of the nodes of a config, m (1000)", least=1.0, most=_FARTHEST_M
+    )
+    loss: float | None = real(
+        "SHARE", "share of the frames of a config that are lost, 0 to 0.9 (0)", least=0.0, most=0.9
+    )
+    hours: float | None = real("H", "how long to simulate, h (4, or less)", least=0.1, most=240.0)
+    transmit_w: float | None = real(
+        "W",
+        "what the modem takes while it transmits, W (default: from its source level)",
+        least=0.0,
+        most=10_000.0,
+    )
+    schedule: bool = flag(
+        "also print a schedule for these nodes, as the table access of their configs"
+    )
+    clock_error: float | None = real(
+        "S", "of a schedule: of any clock, s (0.01)", least=0.0, most=10.0
+    )
+    clock: int | None = whole(
+        "ADDRESS",
+        "of a schedule: the node whose clock all follow (default: UTC from each host)",
+        least=1,
+        most=MOST_NODES,
+    )
+    drift: float | None = real(
+        "M",
+        "of a schedule: how far each node may be from its place, m (0)",
+        least=0.0,
+        most=_FARTHEST_M,
+    )
+    hears: float | None = real(
+        "M",
+        "of a schedule: nodes farther apart do not hear each other, m (all do)",
+        least=1.0,
+        most=_FARTHEST_M,
+    )
+
+    def work(self) -> int:
         """Print the plan; fails if something does not fit.
 
         Raises:
             ConfigError: A file or an argument is wrong.
         """
-        import msgspec
-
         from zacoustic.app.tools.design.plan.fleet import DEFAULT_RANGE_M, AssumedChannel
-        from zacoustic.app.tools.design.plan.report import DEFAULT_HOURS, plan
+        from zacoustic.app.tools.design.plan.report import plan
         from zacoustic.app.tools.design.plan.text import as_text
+        from zacoustic.channel.profiles import DEFAULT_PROFILE
 
-        hours = arguments.hours
-        if hours is not None:
-            hours = _within("--hours", hours, DEFAULT_HOURS, 0.1, 240.0)
-        transmit_w = arguments.transmit_w
-        if transmit_w is not None:
-            transmit_w = _within("--transmit-w", transmit_w, 0.0, 0.0, 10_000.0)
         channel = AssumedChannel(
-            range_m=_within("--range", arguments.range, DEFAULT_RANGE_M, 1.0, 100_000.0),
-            loss=_within("--loss", arguments.loss, 0.0, 0.0, 0.9),
+            range_m=DEFAULT_RANGE_M if self.range is None else self.range,
+            loss=self.loss or 0.0,
+            profile=self.profile or DEFAULT_PROFILE,
+            others=_profiles(self.link_profile),
         )
-        if arguments.profile is not None:
-            channel = msgspec.structs.replace(channel, profile=arguments.profile)
-        channel = msgspec.structs.replace(channel, others=_profiles(arguments.link_profile))
         report = plan(
-            arguments.file, channel=channel, recordings=arguments.recording, hours=hours,
-            transmit_w=transmit_w, schedule=_schedule_options(arguments), progress=AT_WORK.show,
+            self.file, channel=channel, recordings=self.recording, hours=self.hours,
+            transmit_w=self.transmit_w, schedule=self._schedule_options(), progress=AT_WORK.show,
         )  # fmt: skip
-        print_result(report, as_text, as_json=arguments.json)
+        self.show(report, as_text)
         return EXIT_OK if report.fits else EXIT_FAILED
+
+    def _schedule_options(self) -> "ScheduleOptions | None":
+        from zacoustic.app.tools.design.schedule import CLOCK_ERROR_S, ScheduleOptions
+
+        given = (self.clock_error, self.clock, self.drift, self.hears)
+        if not self.schedule:
+            if any(each is not None for each in given):
+                options = "--clock-error, --clock, --drift, --hears"
+                raise ConfigError(f"{options}: of a schedule; allowed: with --schedule")
+            return None
+        return ScheduleOptions(
+            clock_error_s=CLOCK_ERROR_S if self.clock_error is None else self.clock_error,
+            clock=self.clock,
+            drift_m=self.drift or 0.0,
+            hearing_m=self.hears,
+        )
 
 
 def _profiles(given: list[str]) -> dict[str, str]:
@@ -126,32 +128,3 @@ def _profiles(given: list[str]) -> dict[str, str]:
             raise ConfigError(f"--link-profile {each}; allowed: LINK=NAME, such as radio=ideal")
         found[link] = profile
     return found
-
-
-def _schedule_options(arguments: argparse.Namespace) -> "ScheduleOptions | None":
-    from zacoustic.app.tools.design.plan.slots import CLOCK_ERROR_S, ScheduleOptions
-
-    given = (arguments.clock_error, arguments.clock, arguments.drift, arguments.hears)
-    if not arguments.schedule:
-        if any(each is not None for each in given):
-            raise ConfigError(
-                "--clock-error, --clock, --drift, --hears: of a schedule; allowed: with --schedule"
-            )
-        return None
-    if arguments.clock is not None and not 1 <= arguments.clock <= 254:
-        raise ConfigError(f"--clock {arguments.clock}; allowed: 1 to 254")
-    hears = arguments.hears
-    return ScheduleOptions(
-        clock_error_s=_within("--clock-error", arguments.clock_error, CLOCK_ERROR_S, 0.0, 10.0),
-        clock=arguments.clock,
-        drift_m=_within("--drift", arguments.drift, 0.0, 0.0, 100_000.0),
-        hearing_m=None if hears is None else _within("--hears", hears, 0.0, 1.0, 100_000.0),
-    )
-
-
-def _within(name: str, given: float | None, default: float, least: float, most: float) -> float:
-    if given is None:
-        return default
-    if not (math.isfinite(given) and least <= given <= most):
-        raise ConfigError(f"{name} {given:g}; allowed: {least:g} to {most:g}")
-    return given

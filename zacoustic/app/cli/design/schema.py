@@ -1,28 +1,24 @@
-"""The verb `zacoustic config schema`: the keys of the configuration and their meanings."""
-
-import argparse
+"""The verb `zacoustic config schema`."""
 
 from zacoustic.app.cli.support.printing import print_json, print_text
-from zacoustic.link.command import EXIT_OK, Command
+from zacoustic.app.cli.support.rows import flag, word
+from zacoustic.app.cli.support.verb import Verb
 
 
-class SchemaCommand(Command):
-    """Prints the keys of the configuration."""
+class Schema(Verb):
+    """Every key of the configuration, what it takes and what it means.
 
-    name = "schema"
-    summary = "every key of the configuration, what it takes and what it means"
+    Example:
+      zacoustic config schema 'streams (topic)'
+    """
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the table and the form of the output."""
-        parser.add_argument(
-            "table", metavar="TABLE", nargs="?", help="one table, such as links (default: a list)"
-        )
-        form = parser.add_mutually_exclusive_group()
-        form.add_argument("--json", action="store_true", help="all as a JSON Schema, for an editor")
-        form.add_argument("--markdown", action="store_true", help="all as the page of the docs")
-        parser.epilog = "example:\n  zacoustic config schema 'streams (topic)'"
+    prints_late = False
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    table: str | None = word("TABLE", "one table, such as links (default: a list)", "?")
+    markdown: bool = flag("all as the page of the docs", either="form")
+    json: bool = flag("all as a JSON Schema, for an editor", either="form")
+
+    def work(self) -> None:
         """Print it.
 
         Raises:
@@ -30,12 +26,11 @@ class SchemaCommand(Command):
         """
         from zacoustic.app.tools.design import reference
 
-        if arguments.json:
+        if self.json:
             print_json(reference.json_schema())
-        elif arguments.markdown:
+        elif self.markdown:
             print_text(reference.as_markdown(reference.tables()).removesuffix("\n"))
-        elif arguments.table is not None:
-            print_text(reference.as_text(reference.table_named(arguments.table)))
+        elif self.table is not None:
+            print_text(reference.as_text(reference.table_named(self.table)))
         else:
             print_text(reference.list_of_tables(reference.tables()))
-        return EXIT_OK

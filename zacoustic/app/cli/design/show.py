@@ -1,36 +1,26 @@
-"""The verb `zacoustic config show`: what holds, with all defaults."""
+"""The verb `zacoustic config show`."""
 
-import argparse
 import json
-from typing import Final
+from typing import Any
 
-from zacoustic.app.cli.support.arguments import ONE_OBJECT, add_json, add_node_file
-from zacoustic.app.cli.support.printing import print_json, print_text
-from zacoustic.link.command import EXIT_OK, Command
+from zacoustic.app.cli.support.verb import LinkedVerb
 from zacoustic.text.safetext import without_secrets
 
-_EXAMPLE: Final = """What it prints is a file again. Keys that have no value by default are left out
-(zacoustic config schema says what that means), and so are Zenoh's part of the file and passwords.
 
-examples:
-  zacoustic config show fleet.json5 --address 2
-  zacoustic config show fleet.json5 --json
-"""
+class Show(LinkedVerb):
+    """The configuration that holds: defaults filled in, arguments applied.
 
+    What it prints is a file again. Keys that have no value by default are left out
+    (zacoustic config schema says what that means), and so are Zenoh's part of the file and passwords.
 
-class ShowCommand(Command):
-    """Prints the section with its defaults."""
+    Examples:
+      zacoustic config show fleet.json5 --address 2
+      zacoustic config show fleet.json5 --json
+    """  # noqa: E501 (wide on a terminal)
 
-    name = "show"
-    summary = "the configuration that holds: defaults filled in, arguments applied"
+    prints_late = False
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, overrides, and form of the output."""
-        parser.epilog = _EXAMPLE
-        add_node_file(parser)
-        add_json(parser, ONE_OBJECT)
-
-    def run(self, arguments: argparse.Namespace) -> int:
+    def work(self) -> None:
         """Print it.
 
         Raises:
@@ -38,12 +28,9 @@ class ShowCommand(Command):
         """
         from zacoustic.app.tools.design.effective import effective_section
 
-        section = effective_section(
-            arguments.file, address=arguments.address, locator=arguments.link
-        )
-        whole = {"plugins": {"acoustic": section}}
-        if arguments.json:
-            print_json(whole)
-        else:
-            print_text(without_secrets(json.dumps(whole, indent=2, ensure_ascii=False)))
-        return EXIT_OK
+        section = effective_section(self.file, address=self.address, locator=self.link)
+        self.show({"plugins": {"acoustic": section}}, _as_text)
+
+
+def _as_text(whole: dict[str, Any]) -> str:
+    return without_secrets(json.dumps(whole, indent=2, ensure_ascii=False))

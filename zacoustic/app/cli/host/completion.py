@@ -1,12 +1,13 @@
-"""The verb `zacoustic completion`: a script for completion in a shell."""
+"""The verb `zacoustic completion`."""
 
 import argparse
 from pathlib import Path
 from typing import Final
 
 from zacoustic.app.cli.support.printing import print_text
+from zacoustic.app.cli.support.rows import option, word
+from zacoustic.app.cli.support.verb import Verb
 from zacoustic.errors import ConfigError
-from zacoustic.link.command import EXIT_OK, Command
 
 SHELLS: Final = ("bash", "zsh", "fish")
 """Shells with a script."""
@@ -34,41 +35,38 @@ _FISH: Final = """function _zacoustic_names_{kind}
 end
 """
 
-_EXAMPLE: Final = """Make it anew after an update: it knows the verbs and options of this version,
-and those of the link packages that are installed. Names of streams and addresses of nodes are
-those of the file of the command line, or of the only one in the folder.
 
-examples:
-  zacoustic completion bash > ~/.local/share/bash-completion/completions/zacoustic
-  zacoustic completion zsh > "${fpath[1]}/_zacoustic"
-  zacoustic completion fish > ~/.config/fish/completions/zacoustic.fish
-"""
+class Completion(Verb):
+    """Print a script with which bash, zsh or fish completes the command line.
 
+    Make it anew after an update: it knows the verbs and options of this version,
+    and those of the link packages that are installed. Names of streams and addresses of nodes are
+    those of the file of the command line, or of the only one in the folder.
 
-class CompletionCommand(Command):
-    """Prints a script for a shell."""
+    Examples:
+      zacoustic completion bash > ~/.local/share/bash-completion/completions/zacoustic
+      zacoustic completion zsh > "${fpath[1]}/_zacoustic"
+      zacoustic completion fish > ~/.config/fish/completions/zacoustic.fish
+    """
 
-    name = "completion"
-    summary = "print a script with which bash, zsh or fish completes the command line"
+    prints_late = False
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the shell."""
-        parser.epilog = _EXAMPLE
-        parser.add_argument("shell", choices=SHELLS, nargs="?", help="which shell")
-        # Asked by the script while somebody types.
-        parser.add_argument("--names", help=argparse.SUPPRESS)
-        parser.add_argument("--line", default="", help=argparse.SUPPRESS)
+    shell: str | None = word(None, "which shell", "?", choices=SHELLS)
+    # Asked by the script while somebody types.
+    names: str | None = option(None, argparse.SUPPRESS)
+    line_: str = option(None, argparse.SUPPRESS, "")
+    json = False
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    def work(self) -> None:
         """Print it.
 
         Raises:
             ConfigError: No shell is named.
         """
-        if arguments.names is not None:
-            _print_names(arguments.names, arguments.line)
-            return EXIT_OK
-        if arguments.shell is None:
+        if self.names is not None:
+            _print_names(self.names, self.line_)
+            return
+        if self.shell is None:
             raise ConfigError(f"SHELL; allowed: {', '.join(SHELLS)}")
         import shtab
 
@@ -76,8 +74,7 @@ class CompletionCommand(Command):
 
         parser = complete_parser()
         _name_files(parser)
-        print_text(shtab.complete(parser, shell=arguments.shell))
-        return EXIT_OK
+        print_text(shtab.complete(parser, shell=self.shell))
 
 
 def _name_files(parser: argparse.ArgumentParser) -> None:

@@ -1,46 +1,26 @@
-"""The verb `zacoustic config doctor`: what will go wrong at sea?"""
+"""The verb `zacoustic config doctor`."""
 
-import argparse
-import asyncio
-
-from zacoustic.app.cli.support.arguments import (
-    add_examined_node,
-    add_json,
-    add_load,
-    check_positive,
-    examined_node,
-)
-from zacoustic.app.cli.support.printing import print_result
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.app.cli.host.examined import Examined
+from zacoustic.app.cli.support.rows import modem_profile, repeated, seconds
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK
 
 
-class DoctorCommand(Command):
-    """Examines a node on its own computer, without transmitting."""
+class Doctor(Examined):
+    """Find what would go wrong at sea, with the cure.
 
-    name = "doctor"
-    summary = "find what would go wrong at sea, with the cure"
-    prints_late = True
+    nothing is transmitted, and nothing is set. Where a gateway of this node runs
+    already, doctor asks it instead of its modem. Exits with 1 when something is wrong;
+    docs/doctor.md lists the checks
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, node, where to look and form of the output."""
-        add_examined_node(parser)
-        add_load(
-            parser,
-            recording="rates for the airtime",
-            profile=" of the airtimes",
-        )
-        parser.add_argument(
-            "--patience", type=float, metavar="S", help="how long a modem may take to come, s (10)"
-        )
-        add_json(parser)
-        parser.epilog = (
-            "nothing is transmitted, and nothing is set. Where a gateway of this node runs\n"
-            "already, doctor asks it instead of its modem. Exits with 1 when something is wrong;\n"
-            "docs/doctor.md lists the checks\n\n"
-            "example:\n  zacoustic config doctor router.json5 --address 2 --ntp pool.ntp.org"
-        )
+    Example:
+      zacoustic config doctor router.json5 --address 2 --ntp pool.ntp.org
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    recording: list[str] = repeated("RECORDING", "rates for the airtime")
+    profile: str | None = modem_profile(" of the airtimes")
+    patience: float | None = seconds("how long a modem may take to come, s (10)")
+
+    async def work(self) -> int:
         """Print the faults; fails if there are any.
 
         Raises:
@@ -53,13 +33,12 @@ class DoctorCommand(Command):
         from zacoustic.app.tools.field.doctor.text import as_text
         from zacoustic.channel.profiles import DEFAULT_PROFILE
 
-        check_positive(arguments, "patience")
         options = msgspec.structs.replace(
-            examined_node(arguments),
-            recordings=tuple(arguments.recording),
-            channel=AssumedChannel(profile=arguments.profile or DEFAULT_PROFILE),
-            patience_s=arguments.patience or DEFAULT_PATIENCE_S,
+            self.options(),
+            recordings=tuple(self.recording),
+            channel=AssumedChannel(profile=self.profile or DEFAULT_PROFILE),
+            patience_s=self.patience or DEFAULT_PATIENCE_S,
         )
-        report = asyncio.run(diagnose(arguments.file, options))
-        print_result(report, as_text, as_json=arguments.json)
+        report = await diagnose(self.file, options)
+        self.show(report, as_text)
         return EXIT_FAILED if report.findings else EXIT_OK

@@ -1,32 +1,29 @@
-"""The verb `zacoustic links`: the installed links, and whether they are usable."""
-
-import argparse
+"""The verb `zacoustic links`."""
 
 from zacoustic.app.cli.support.printing import print_json, print_text
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.app.cli.support.rows import flag
+from zacoustic.app.cli.support.verb import Verb
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK
 from zacoustic.text.installing import OURSELVES
 
 
-class LinksCommand(Command):
-    """Lists the installed links with their settings."""
+class Links(Verb):
+    """List the installed links, their settings, and whether they can be used.
 
-    name = "links"
-    summary = "list the installed links, their settings, and whether they can be used"
-    prints_late = True
+    Example:
+      zacoustic links
+    """
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the form of the output."""
-        parser.add_argument("--json", action="store_true", help="one JSON object for all of them")
-        parser.epilog = "example:\n  zacoustic links"
+    json: bool = flag("one JSON object for all of them")
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    def work(self) -> int:
         """Print them; fails if there is none."""
         from zacoustic.app.tools.field.links import describe_as_text
         from zacoustic.errors import LinkUnavailableError
         from zacoustic.link import registry
 
         links = registry.describe()
-        if arguments.json:
+        if self.json:
             print_json({"links": links})
             return EXIT_OK if links else EXIT_FAILED
         if not links:

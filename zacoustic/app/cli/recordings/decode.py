@@ -1,15 +1,16 @@
 """The verb `zacoustic decode`: explains frames in words."""
 
-import argparse
 import json
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from zacoustic.app.cli.support.printing import print_json, print_note, print_text
+from zacoustic.app.cli.support.printing import print_json, print_text
+from zacoustic.app.cli.support.rows import flag, option, whole, word
+from zacoustic.app.cli.support.verb import FleetVerb
 from zacoustic.errors import ConfigError
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK
 from zacoustic.text.safetext import one_line
 
 if TYPE_CHECKING:
@@ -17,53 +18,45 @@ if TYPE_CHECKING:
     from zacoustic.app.tools.inspect.decode.opening import FrameOpener
     from zacoustic.config import Config
     from zacoustic.core.streams.table import StreamTable
+    from zacoustic.core.streams.wireprofile import WireProfile
 
 _BROADCAST: Final = 255
 _MOST_FRAMES: Final = 256
 
 
-class DecodeCommand(Command):
-    """Explains frames."""
+class Decode(FleetVerb):
+    """Explain the contents of a frame.
 
-    name = "decode"
-    summary = "explain the contents of a frame"
-    prints_late = True
+    Example:
+      zacoustic decode b00200017d1f3a09b10001
+      zacoustic decode trial.mcap
+      zacoustic decode --log evologics --config fleet.json5 serial.log
+      zacoustic sim water.json5 --trace trace.jsonl && zacoustic decode --config fleet.json5 < trace.jsonl
+    """  # noqa: E501 (wide on a terminal)
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare frames, table and source."""
-        parser.add_argument(
-            "frames", metavar="HEX|FILE", nargs="*",
-            help="one frame each, in hexadecimal, in the order in which they were sent, or a "
-            "recording (MCAP); without any, frames are read from standard input, one in a line: "
-            "hexadecimal, or an object of a trace, which names the sender of the frame",
-        )  # fmt: skip
-        parser.add_argument("--config", metavar="FILE", help="file with the streams and types")
-        parser.add_argument(
-            "--log", metavar="LINK",
-            help="the file is a log of the port of such a modem, both ways, as it was: evologics",
-        )  # fmt: skip
-        parser.add_argument(
-            "--source", type=int, default=0, metavar="N", help="address of the sender"
-        )
-        parser.add_argument(
-            "--wire", choices=("native", "rmw_desert"),
-            help="wire profile (default: that of the configuration, native without one)",
-        )  # fmt: skip
-        parser.add_argument(
-            "--unsealed", action="store_true",
-            help="frames are not sealed, although the configuration has a key: those of `sim`",
-        )  # fmt: skip
-        parser.add_argument("--json", action="store_true", help="one JSON object for each frame")
-        parser.epilog = (
-            "example:\n"
-            "  zacoustic decode b00200017d1f3a09b10001\n"
-            "  zacoustic decode trial.mcap\n"
-            "  zacoustic decode --log evologics --config fleet.json5 serial.log\n"
-            "  zacoustic sim water.json5 --trace trace.jsonl && "
-            "zacoustic decode --config fleet.json5 < trace.jsonl"
-        )
+    frames: list[str] = word(
+        "HEX|FILE",
+        "one frame each, in hexadecimal, in the order in which they were sent, or a recording "
+        "(MCAP); without any, frames are read from standard input, one in a line: hexadecimal, or "
+        "an object of a trace, which names the sender of the frame",
+        "*",
+    )
+    config: str | None = option("FILE", "file with the streams and types")
+    log: str | None = option(
+        "LINK", "the file is a log of the port of such a modem, both ways, as it was: evologics"
+    )
+    source: int = whole("N", "address of the sender", 0)
+    wire: str | None = option(
+        None,
+        "wire profile (default: that of the configuration, native without one)",
+        choices=("native", "rmw_desert"),
+    )
+    unsealed: bool = flag(
+        "frames are not sealed, although the configuration has a key: those of `sim`"
+    )
+    json: bool = flag("one JSON object for each frame")
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    def work(self) -> int:
         """Print each frame; fails if a text was not hexadecimal.
 
         Raises:
@@ -76,41 +69,75 @@ class DecodeCommand(Command):
         from zacoustic.core.streams.wireprofile import WireProfile
 
         table, opener, bonds = None, None, []
-        if arguments.config is not None:
-            from zacoustic.app.tools.fleetfile import read_fleet
-
-            config = read_fleet(arguments.config)
+        config = self.fleet()
+        if config is not None:
             table = config.table
             bonds = [each.number for each in config.rules.bonds]
-            opener = None if arguments.unsealed else _opener_of(config)
-        code = EXIT_OK
-        files = [each for each in arguments.frames if arguments.log or _is_file(each)]
-        if arguments.log and not files:
+            opener = None if self.unsealed else _opener_of(config)
+        wire = None if self.wire is None else WireProfile(self.wire)
+        files = [each for each in self.frames if self.log or _is_file(each)]
+        if self.log and not files:
             raise ConfigError("--log; allowed: with a file")
         if files:
-            if len(arguments.frames) > 1:
+            if len(self.frames) > 1:
                 raise ConfigError(f"{files[0]} and more; allowed: one recording, or frames")
-            return _decode_recording(arguments, table, opener)
-        wire = None if arguments.wire is None else WireProfile(arguments.wire)
+            self._decode_recording(files[0], table, opener, wire)
+            return EXIT_OK
+        code = EXIT_OK
         decoder = FrameDecoder(table, wire=wire, bonds=bonds)
         destinations = _Destinations()
-        written = [_Written(text) for text in arguments.frames]
+        written = [_Written(text) for text in self.frames]
         for each in written or _frames_in(sys.stdin):
             frame = _from_hex(each.text)
             if frame is None:
                 shown = each.text if len(each.text) <= 40 else f"{each.text[:40]}…"
-                print_note(f"zacoustic decode: {shown!r} is not hexadecimal")
+                self.note(f"{shown!r} is not hexadecimal")
                 code = EXIT_FAILED
                 continue
             unicast = destinations.is_unicast(frame, each.destination)
-            source = arguments.source or each.source
+            source = self.source or each.source
             items = said_in(decoder, opener, frame, source, each.destination, unicast=unicast)
-            if arguments.json:
-                found = {"frame": frame.hex(), "items": msgspec.to_builtins(items)}
-                print_json(found)
+            if self.json:
+                print_json({"frame": frame.hex(), "items": msgspec.to_builtins(items)})
             else:
                 _print_frame(f"{len(frame)} bytes: {frame.hex()}", items)
         return code
+
+    def _decode_recording(
+        self,
+        path: str,
+        table: "StreamTable | None",
+        opener: "FrameOpener | None",
+        wire: "WireProfile | None",
+    ) -> None:
+        """Print the frames of a recording, or of a log.
+
+        Raises:
+            ConfigError: It is neither, or has no frames.
+        """
+        from zacoustic.app.tools.inspect.recordings.replaying.frames import (
+            decode_log,
+            decode_recording,
+            line_of,
+        )
+
+        began_ns, shown = 0, 0
+        if self.log is None:
+            frames = decode_recording(path, table, wire=wire, opener=opener)
+        else:
+            frames = decode_log(path, self.log, table, wire=wire, opener=opener)
+        for frame in frames:
+            if self.source not in (0, frame.source):
+                continue
+            began_ns, shown = began_ns or frame.utc_ns or 0, shown + 1
+            if self.json:
+                print_json(frame)
+            else:
+                fault = f": {frame.fault}" if frame.fault else ""
+                _print_frame(line_of(frame, began_ns) + fault, frame.items)
+        if not shown:
+            whose = f" of node {self.source}" if self.source else ""
+            raise ConfigError(f"{path}: no frames{whose} in it")
 
 
 def _opener_of(config: "Config") -> "FrameOpener | None":
@@ -131,43 +158,6 @@ def _opener_of(config: "Config") -> "FrameOpener | None":
         ports=[index if each.port is None else each.port for index, each in enumerate(links)],
         digest=config.table.digest,
     )
-
-
-def _decode_recording(
-    arguments: argparse.Namespace, table: "StreamTable | None", opener: "FrameOpener | None"
-) -> int:
-    """Print the frames of a recording, or of a log.
-
-    Raises:
-        ConfigError: It is neither, or has no frames.
-    """
-    from zacoustic.app.tools.inspect.recordings.replaying.frames import (
-        decode_log,
-        decode_recording,
-        line_of,
-    )
-    from zacoustic.core.streams.wireprofile import WireProfile
-
-    wire = None if arguments.wire is None else WireProfile(arguments.wire)
-    began_ns, shown = 0, 0
-    path = arguments.frames[0]
-    if arguments.log is None:
-        frames = decode_recording(path, table, wire=wire, opener=opener)
-    else:
-        frames = decode_log(path, arguments.log, table, wire=wire, opener=opener)
-    for frame in frames:
-        if arguments.source not in (0, frame.source):
-            continue
-        began_ns, shown = began_ns or frame.utc_ns or 0, shown + 1
-        if arguments.json:
-            print_json(frame)
-        else:
-            fault = f": {frame.fault}" if frame.fault else ""
-            _print_frame(line_of(frame, began_ns) + fault, frame.items)
-    if not shown:
-        whose = f" of node {arguments.source}" if arguments.source else ""
-        raise ConfigError(f"{path}: no frames{whose} in it")
-    return EXIT_OK
 
 
 def _print_frame(head: str, items: "Iterable[DecodedItem]") -> None:

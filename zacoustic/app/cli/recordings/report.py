@@ -1,39 +1,31 @@
-"""The verb `zacoustic report`: figures of a recording, as text, JSON or a page."""
+"""The verb `zacoustic report`."""
 
-import argparse
 from pathlib import Path
 
-from zacoustic.app.cli.support.arguments import add_json
 from zacoustic.app.cli.support.atwork import AT_WORK
 from zacoustic.app.cli.support.newfile import new_file
-from zacoustic.app.cli.support.printing import print_result, print_text
-from zacoustic.link.command import EXIT_OK, Command
+from zacoustic.app.cli.support.printing import print_text
+from zacoustic.app.cli.support.rows import option, word
+from zacoustic.app.cli.support.verb import Verb
 
 
-class ReportCommand(Command):
-    """Reports delivery, latency, airtime and link quality."""
+class Report(Verb):
+    """Delivery, latency, airtime and link quality of a recording, also as a page.
 
-    name = "report"
-    summary = "delivery, latency, airtime and link quality of a recording, also as a page"
-    prints_late = True
+    delivery and latency between two nodes need the recordings of both; one shows
+    what its node knew: outcomes of reliable samples, ages, link quality
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare recordings, page and form of the output."""
-        parser.add_argument(
-            "recordings", metavar="FILE", nargs="+",
-            help="recordings, MCAP: those of both ends of one trial are put together",
-        )  # fmt: skip
-        parser.add_argument("--html", type=Path, metavar="PAGE", help="write a page with plots")
-        add_json(parser)
-        parser.epilog = (
-            "delivery and latency between two nodes need the recordings of both; one shows\n"
-            "what its node knew: outcomes of reliable samples, ages, link quality\n\n"
-            "examples:\n"
-            "  zacoustic report trial.mcap --html trial.html\n"
-            "  zacoustic report shore.mcap auv1.mcap --json"
-        )
+    Examples:
+      zacoustic report trial.mcap --html trial.html
+      zacoustic report shore.mcap auv1.mcap --json
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    recordings: list[str] = word(
+        "FILE", "recordings, MCAP: those of both ends of one trial are put together", "+"
+    )
+    html: Path | None = option("PAGE", "write a page with plots", type=Path)
+
+    def work(self) -> None:
         """Print the figures, and write the page.
 
         Raises:
@@ -43,16 +35,15 @@ class ReportCommand(Command):
         from zacoustic.app.tools.inspect.recordings.report.figures import figures_of
         from zacoustic.app.tools.inspect.recordings.report.reporttext import as_text
 
-        with new_file("--html", arguments.html) as page:
-            facts = gather(arguments.recordings, lean=True, progress=AT_WORK.show)
+        with new_file("--html", self.html) as page:
+            facts = gather(self.recordings, lean=True, progress=AT_WORK.show)
             figures = figures_of(facts)
             if page is not None:
                 from zacoustic.app.tools.inspect.recordings.report.page import as_page
                 from zacoustic.app.tools.inspect.recordings.report.plots import plots_of
 
-                title = " and ".join(Path(name).name for name in arguments.recordings)
+                title = " and ".join(Path(name).name for name in self.recordings)
                 page.write(as_page(figures, plots_of(facts, figures), title=title).encode())
-        print_result(figures, as_text, as_json=arguments.json)
-        if arguments.html is not None and not arguments.json:
-            print_text(f"\n{arguments.html}: written")
-        return EXIT_OK
+        self.show(figures, as_text)
+        if self.html is not None and not self.json:
+            print_text(f"\n{self.html}: written")

@@ -4,7 +4,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
-from zacoustic.app.cli.support.rows import OBJECT_PER_LINE, address, check_within, flag, seconds
+from zacoustic.app.cli.support.rows import (
+    OBJECT_PER_LINE,
+    check_within,
+    flag,
+    node_address,
+    seconds,
+)
 from zacoustic.app.cli.support.verb import NetworkVerb
 from zacoustic.core.base.clock import SHORTEST_S
 from zacoustic.errors import ConfigError
@@ -20,7 +26,7 @@ NODE: Final = "acoustic address of the node, of this local network or remote"
 class Commanding(NetworkVerb):
     """A verb that commands a node, of this network or remote, or all gateways here."""
 
-    node: int | None = address(f"{NODE} (default: those of all gateways here)")
+    node: int | None = node_address(f"{NODE} (default: those of all gateways here)")
     timeout: float | None = seconds(
         f"how long to try, s (default: {_BEYOND_S:g} for one node, else {_HERE_S:g})"
     )
@@ -39,7 +45,7 @@ class Commanding(NetworkVerb):
 
         request = row_of(command)
         timeout_s = self.timeout or (_HERE_S if self.node is None else _BEYOND_S)
-        check_within("--timeout", timeout_s, SHORTEST_S, request.most_s)
+        check_within("--timeout", timeout_s, SHORTEST_S, request.most_s, unit=" s")
         async with local_gateways(self.fleet(), self.connect) as gateways:
             if self.node is None:
                 states: list[Any] = await gateways.ask_all(request, command, timeout_s)

@@ -5,15 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from zacoustic.app.cli.support.participant import Participant
 from zacoustic.app.cli.support.printing import print_json, print_note, print_text
-from zacoustic.app.cli.support.rows import (
-    MOST_NODES,
-    flag,
-    number,
-    option,
-    repeated,
-    seconds,
-    word,
-)
+from zacoustic.app.cli.support.rows import MOST_NODES, endpoint, flag, option, seconds, whole, word
 from zacoustic.app.cli.support.verb import Verb
 from zacoustic.core.wire.relay import MOST_PROBES
 from zacoustic.errors import ConfigError
@@ -42,7 +34,7 @@ class Show(Verb):
     """
 
     config: str = word("FILE", "Zenoh config with plugins.acoustic")
-    connect: list[str] | None = repeated("ENDPOINT", "Zenoh endpoint, tcp/HOST:PORT", None)
+    connect: list[str] | None = endpoint()
     json: bool = flag("one JSON object per route")
 
     async def work(self) -> None:
@@ -83,9 +75,9 @@ class Probe(Asking):
       zacoustic route probe --config shore.json5 --link evologics/tcp:192.168.0.209:9200 --json
     """
 
-    count: int = number("N", f"probes of each node, 1..{MOST_PROBES}", 8, least=1, most=MOST_PROBES)
+    count: int = whole("N", f"probes of each node, 1..{MOST_PROBES}", 8, least=1, most=MOST_PROBES)
     node: str | None = option("A,B,…", "only these addresses (default: all nodes of --config)")
-    seed: int | None = number("N", "draws the number of the run (default: random)")
+    seed: int | None = whole("N", "draws the number of the run (default: random)")
 
     async def work(self) -> int:
         """Measure; exit code 3 if no other node has answered.

@@ -28,10 +28,7 @@ class Silence(Commanding):
     """
 
     command: str | None = word(
-        None,
-        "end the silence, or begin one without end",
-        "?",
-        choices=("resume", "until-resumed"),
+        None, "end the silence, or begin one without end", "?", choices=("resume", "until-resumed")
     )
     for_: str | None = option("TIME", "duration of the silence: 90s, 30m, 2h, 1d")
 

@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from zacoustic.app.cli.remote.commanding import NODE, Commanding, make_command
-from zacoustic.app.cli.support.rows import address, flag, number, option, real, word
+from zacoustic.app.cli.support.rows import flag, node_address, option, real, whole, word
 from zacoustic.errors import ConfigError
 
 
@@ -25,13 +25,13 @@ class Stream(Commanding):
     stream: str | None = word(
         "STREAM", "name or stream id; a name is that of --config, or of a gateway here", "?"
     )
-    id: int | None = number("ID", argparse.SUPPRESS)
+    id: int | None = whole("ID", argparse.SUPPRESS)
     on: bool = flag("its samples go", either="switch")
     off: bool = flag("they wait, expire and are superseded", either="switch")
     reset: bool = flag("everything as the node's file configures it", either="switch")
     rate: float | None = real("HZ", "maximum rate of samples of a key")
     priority: str | None = option("NAME", "Zenoh's, such as background")
-    node: int | None = address(NODE, required=True)
+    node: int = node_address(NODE, required=True)
 
     async def work(self) -> None:
         """Send the command and print the new state.

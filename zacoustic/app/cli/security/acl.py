@@ -1,56 +1,38 @@
-"""The verb `zacoustic acl`: Zenoh's access control for a local network, from the stream table."""
+"""The verb `zacoustic acl`."""
 
-import argparse
+from typing import Any
 
-from zacoustic.app.cli.support.arguments import add_json
-from zacoustic.app.cli.support.printing import print_json, print_text
-from zacoustic.link.command import EXIT_OK, Command
+from zacoustic.app.cli.support.rows import option, repeated
+from zacoustic.app.cli.support.verb import NodeFileVerb
 
 
-class AclCommand(Command):
-    """Prints settings for a router."""
+class Acl(NodeFileVerb):
+    """Print Zenoh's access control for the local network, from the stream table.
 
-    name = "acl"
-    summary = "print Zenoh's access control for the local network, from the stream table"
+    all that the table does not allow is denied: a program cannot publish or answer for
+    a remote node, only an operator commands one, and programs' own keys need --open.
+    Put the output into the file of the router; Zenoh reads it at its start
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, node, and the names of users."""
-        parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
-        parser.add_argument(
-            "--address", type=int, metavar="N", help="address of this node, instead of the file's"
-        )
-        parser.add_argument(
-            "--beside", type=int, action="append", default=[], metavar="N",
-            help="another node on the same network; may be given again",
-        )  # fmt: skip
-        parser.add_argument(
-            "--by", choices=("certificates", "users", "interfaces"), default="certificates",
-            help="what the names below are (default: %(default)s, with the settings of TLS)",
-        )  # fmt: skip
-        for role, what in (
-            ("program", "a program (default: anybody)"),
-            ("operator", "who commands remote nodes (default: all programs)"),
-            ("gateway", "a gateway that is a client of the router"),
-        ):
-            parser.add_argument(
-                f"--{role}", action="append", default=[], metavar="NAME",
-                help=f"{what}; may be given again",
-            )  # fmt: skip
-        parser.add_argument(
-            "--open", action="append", default=[], metavar="EXPRESSION",
-            help="keys that are the programs' own, such as robot/**; may be given again",
-        )  # fmt: skip
-        add_json(parser)
-        parser.epilog = (
-            "all that the table does not allow is denied: a program cannot publish or answer for\n"
-            "a remote node, only an operator commands one, and programs' own keys need --open.\n"
-            "Put the output into the file of the router; Zenoh reads it at its start\n\n"
-            "examples:\n"
-            "  zacoustic acl router.json5 --program planner --program camera --operator console\n"
-            "  zacoustic acl router.json5 --by interfaces --operator lo --open 'robot/**'"
-        )
+    Examples:
+      zacoustic acl router.json5 --program planner --program camera --operator console
+      zacoustic acl router.json5 --by interfaces --operator lo --open 'robot/**'
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    prints_late = False
+
+    beside: list[int] = repeated("N", "another node on the same network", type=int)
+    by: str = option(
+        None,
+        "what the names below are (default: %(default)s, with the settings of TLS)",
+        "certificates",
+        choices=("certificates", "users", "interfaces"),
+    )
+    program_: list[str] = repeated("NAME", "a program (default: anybody)")
+    operator: list[str] = repeated("NAME", "who commands remote nodes (default: all programs)")
+    gateway: list[str] = repeated("NAME", "a gateway that is a client of the router")
+    open: list[str] = repeated("EXPRESSION", "keys that are the programs' own, such as robot/**")
+
+    def work(self) -> None:
         """Print them.
 
         Raises:
@@ -64,18 +46,14 @@ class AclCommand(Command):
         )
         from zacoustic.config import read_config
 
-        config = read_config(arguments.file, address=arguments.address)
+        config = read_config(self.file, address=self.address)
         names = Names(
-            by=KnownBy(arguments.by),
-            programs=tuple(arguments.program),
-            operators=tuple(arguments.operator),
-            gateways=tuple(arguments.gateway),
+            by=KnownBy(self.by),
+            programs=tuple(self.program_),
+            operators=tuple(self.operator),
+            gateways=tuple(self.gateway),
         )
-        settings = access_settings(
-            config, names, beside=tuple(arguments.beside), opened=tuple(arguments.open)
+        settings: dict[str, Any] = access_settings(
+            config, names, beside=tuple(self.beside), opened=tuple(self.open)
         )
-        if arguments.json:
-            print_json(settings)
-        else:
-            print_text(as_text(settings))
-        return EXIT_OK
+        self.show(settings, as_text)

@@ -1,42 +1,33 @@
-"""The verb `zacoustic audit`: who commanded what, when, and with what outcome."""
+"""The verb `zacoustic audit`."""
 
-import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from zacoustic.app.cli.support.arguments import OBJECT_PER_LINE, add_json
-from zacoustic.app.cli.support.printing import print_line, print_note
+from zacoustic.app.cli.support.rows import OBJECT_PER_LINE, flag, whole, word
+from zacoustic.app.cli.support.verb import Verb
 from zacoustic.errors import ConfigError
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK
 
 if TYPE_CHECKING:
     from zacoustic.run.audit import AuditEntry
 
 
-class AuditCommand(Command):
-    """Prints the audit log of a node."""
+class Audit(Verb):
+    """Who commanded, called or refused what, when, and what came of it.
 
-    name = "audit"
-    summary = "who commanded, called or refused what, when, and what came of it"
-    prints_late = True
+    a gateway or node with a journal keeps it beside that, for its owner alone. Values
+    are not in it. Without a seal an address is what a frame claims
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the log, and which lines."""
-        parser.add_argument("log", metavar="FILE", type=Path, help="node-N.audit, by the journal")
-        parser.add_argument(
-            "--by", type=int, metavar="N", help="only what node N wanted; 0: this side"
-        )
-        parser.add_argument(
-            "--refused", action="store_true", help="only what was refused, or has failed"
-        )
-        add_json(parser, OBJECT_PER_LINE)
-        parser.epilog = (
-            "a gateway or node with a journal keeps it beside that, for its owner alone. Values\n"
-            "are not in it. Without a seal an address is what a frame claims\n\n"
-            "example:\n  zacoustic audit journal/node-2.audit --by 1"
-        )
+    Example:
+      zacoustic audit journal/node-2.audit --by 1
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    log: Path = word("FILE", "node-N.audit, by the journal", type=Path)
+    by: int | None = whole("N", "only what node N wanted; 0: this side")
+    refused: bool = flag("only what was refused, or has failed")
+    json: bool = flag(OBJECT_PER_LINE)
+
+    def work(self) -> int:
         """Print the lines; fails if there are none.
 
         Raises:
@@ -48,18 +39,17 @@ class AuditCommand(Command):
 
         number = 0
         try:
-            for entry in read_audit(arguments.log):
-                is_wanted = arguments.by in (None, entry.by)
-                if is_wanted and (not arguments.refused or _is_refused(entry)):
-                    print_line(msgspec.to_builtins(entry), _text(entry), as_json=arguments.json)
+            for entry in read_audit(self.log):
+                is_wanted = self.by in (None, entry.by)
+                if is_wanted and (not self.refused or _is_refused(entry)):
+                    self.line(msgspec.to_builtins(entry), _text(entry))
                     number += 1
         except OSError as error:
             raise ConfigError(
-                f"{arguments.log}: {error.strerror}",
-                hint="it lies beside the journal, node-N.sqlite",
+                f"{self.log}: {error.strerror}", hint="it lies beside the journal, node-N.sqlite"
             ) from error
         if not number:
-            print_note(f"zacoustic audit: {arguments.log}: no such lines")
+            self.note(f"{self.log}: no such lines")
         return EXIT_OK if number else EXIT_FAILED
 
 

@@ -1,13 +1,22 @@
-"""The verb `zacoustic key`: makes, shows, rotates and checks the key of a fleet."""
+"""The verbs `zacoustic key`: make, show, rotate and check the key of a fleet."""
 
-import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from zacoustic.app.cli.support.arguments import add_json, add_local_network
-from zacoustic.app.cli.support.printing import print_json, print_note, print_result
+from zacoustic.app.cli.support.printing import print_json, print_note
+from zacoustic.app.cli.support.rows import (
+    check_within,
+    flag,
+    node_address,
+    option,
+    seconds,
+    whole,
+    word,
+)
+from zacoustic.app.cli.support.verb import NetworkVerb, NodeFileVerb, Verb
+from zacoustic.core.base.clock import SHORTEST_S
 from zacoustic.errors import ConfigError
-from zacoustic.link.command import EXIT_FAILED, EXIT_OK, Command, CommandGroup
+from zacoustic.link.command import EXIT_FAILED, EXIT_OK
 
 if TYPE_CHECKING:
     from zacoustic.seal.identities import Members
@@ -23,56 +32,45 @@ used a second time, anybody who has recorded both can read frames of both, and m
 Who knows neither makes the next key, with which all lives begin anew: zacoustic key rotate"""
 
 
-class KeyCommand(CommandGroup):
-    """Keys of a fleet."""
+class KeyVerb(Verb):
+    """A verb about the file of a key, or of the list of members."""
 
-    name = "key"
+    prints_late = False
 
-    def __init__(self) -> None:
-        members = {
-            member.name: member
-            for member in (
-                NewKey(), ShowKey(), RotateKey(), RevokeKey(), RejoinNode(), CheckKey(), SendKey()
-            )
-        }  # fmt: skip
-        super().__init__(self.name, members, tuple(members))
-        self.summary = "make, show, roll and check the key that seals frames"  # type: ignore[misc]
+    key: Path = word("KEYFILE", "the key file, or the list of members", type=Path)
+
+    def show_file(self, path: Path, key: "FleetKey | Members") -> None:
+        """Print what the file of a key or of members is, without secrets."""
+        from zacoustic.app.tools.security.keyreport import as_text, report_on
+
+        self.show(report_on(path, key), as_text)
 
 
-class NewKey(Command):
-    """Makes a key."""
+class New(KeyVerb):
+    r"""Make the key of a new fleet.
 
-    name = "new"
-    summary = "make the key of a new fleet"
+    copy the file to each node by cable or by hand, never by mail; anybody who can read
+    it can read and command the fleet
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file and network."""
-        parser.add_argument("key", metavar="KEYFILE", type=Path, help="the file to make")
-        parser.add_argument(
-            "--network", metavar="NAME", required=True,
-            help="name of the network: fleets with other names do not open each other's frames",
-        )  # fmt: skip
-        parser.add_argument(
-            "--force", action="store_true", help="in place of a key that is there: that is lost"
-        )
-        parser.add_argument(
-            "--identity", type=int, metavar="ADDRESS",
-            help="not a key of the fleet, but one of this node alone; with --members",
-        )  # fmt: skip
-        parser.add_argument(
-            "--members", type=Path, metavar="LIST", help="the list that its public half is put on"
-        )
-        add_json(parser)
-        parser.epilog = (
-            "copy the file to each node by cable or by hand, never by mail; anybody who can read\n"
-            "it can read and command the fleet\n\n"
-            "examples:\n"
-            "  zacoustic key new fleet.key --network harbour\n"
-            "  zacoustic key new keys/auv1.identity --network harbour --identity 2 \\\n"
-            "      --members keys/fleet.members"
-        )
+    Examples:
+      zacoustic key new fleet.key --network harbour
+      zacoustic key new keys/auv1.identity --network harbour --identity 2 \
+          --members keys/fleet.members
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    key: Path = word("KEYFILE", "the file to make", type=Path)
+    network: str = option(
+        "NAME",
+        "name of the network: fleets with other names do not open each other's frames",
+        required=True,
+    )
+    force: bool = flag("in place of a key that is there: that is lost")
+    identity: int | None = whole(
+        "ADDRESS", "not a key of the fleet, but one of this node alone; with --members"
+    )
+    members: Path | None = option("LIST", "the list that its public half is put on", type=Path)
+
+    def work(self) -> None:
         """Make it, and print its fingerprint.
 
         Raises:
@@ -81,35 +79,39 @@ class NewKey(Command):
         from zacoustic.app.tools.security import members
         from zacoustic.seal.keys import new_key, write_key
 
-        if (arguments.identity is None) != (arguments.members is None):
-            raise ConfigError("--identity and --members; allowed: both or none of them")
-        if arguments.identity is not None:
-            if arguments.force:
+        if self.identity is not None and self.members is not None:
+            if self.force:
                 raise ConfigError("--force; allowed: not with --identity")
-            listed = members.enrol(
-                arguments.key, arguments.members, arguments.network, arguments.identity
-            )
-            return _print_members(arguments, arguments.members, listed)
-        key = new_key(arguments.network, after=_generation(arguments))
-        write_key(arguments.key, key, replace=arguments.force)
-        return _print_key(arguments, key)
+            listed = members.enrol(self.key, self.members, self.network, self.identity)
+            self.show_file(self.members, listed)
+        elif self.identity is not None or self.members is not None:
+            raise ConfigError("--identity and --members; allowed: both or none of them")
+        else:
+            key = new_key(self.network, after=self._generation())
+            write_key(self.key, key, replace=self.force)
+            self.show_file(self.key, key)
+
+    def _generation(self) -> int:
+        """Return the generation of a replaced key; −1: there is none, or of another network."""
+        from zacoustic.seal.keys import KeyFileError, read_key
+
+        if not self.force:
+            return -1
+        try:
+            key = read_key(self.key)
+        except KeyFileError:
+            return -1
+        return key.generation if key.network == self.network else -1
 
 
-class ShowKey(Command):
-    """Shows the present key without its secret."""
+class Show(KeyVerb):
+    """Print network, generation and fingerprint of a key, never the key.
 
-    name = "show"
-    summary = "print network, generation and fingerprint of a key, never the key"
+    Example:
+      zacoustic key show fleet.key
+    """
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the file."""
-        parser.add_argument(
-            "key", metavar="KEYFILE", type=Path, help="the key file, or the list of members"
-        )
-        add_json(parser)
-        parser.epilog = "example:\n  zacoustic key show fleet.key"
-
-    def run(self, arguments: argparse.Namespace) -> int:
+    def work(self) -> None:
         """Print it.
 
         Raises:
@@ -118,37 +120,30 @@ class ShowKey(Command):
         from zacoustic.app.tools.security import members
         from zacoustic.seal.keys import read_key
 
-        if members.is_list(arguments.key):
+        if members.is_list(self.key):
             from zacoustic.seal.identities import read_members
 
-            return _print_members(arguments, arguments.key, read_members(arguments.key))
-        return _print_key(arguments, read_key(arguments.key))
+            self.show_file(self.key, read_members(self.key))
+        else:
+            self.show_file(self.key, read_key(self.key))
 
 
-class RotateKey(Command):
-    """Makes the next generation."""
+class Rotate(KeyVerb):
+    """Make the next generation of a key, which still opens frames of this one.
 
-    name = "rotate"
-    summary = "make the next generation of a key, which still opens frames of this one"
+    do it once, on land, and copy the file to the vehicles first and to the shore last:
+    who has the old file is not read by it, but is read, so commands of the shore reach
+    every vehicle all the time
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare the file, and whether the overlap ends."""
-        parser.add_argument(
-            "key", metavar="KEYFILE", type=Path, help="the key file, or the list of members"
-        )
-        parser.add_argument(
-            "--end-overlap", action="store_true",
-            help="no new generation: take the former one out of the file, when all nodes have this",
-        )  # fmt: skip
-        add_json(parser)
-        parser.epilog = (
-            "do it once, on land, and copy the file to the vehicles first and to the shore last:\n"
-            "who has the old file is not read by it, but is read, so commands of the shore reach\n"
-            "every vehicle all the time\n\n"
-            "example:\n  zacoustic key rotate fleet.key"
-        )
+    Example:
+      zacoustic key rotate fleet.key
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    end_overlap: bool = flag(
+        "no new generation: take the former one out of the file, when all nodes have this"
+    )
+
+    def work(self) -> None:
         """Rewrite the file, and print the fingerprint.
 
         Raises:
@@ -157,36 +152,32 @@ class RotateKey(Command):
         from zacoustic.app.tools.security import members
         from zacoustic.seal.keys import read_key, write_key
 
-        path = arguments.key.resolve()  # the target of a symbolic link
+        path = self.key.resolve()  # the target of a symbolic link
         if members.is_list(path):
-            listed = members.rotate(path, end_overlap=arguments.end_overlap)
-            return _print_members(arguments, arguments.key, listed)
+            self.show_file(self.key, members.rotate(path, end_overlap=self.end_overlap))
+            return
         key = read_key(path)
-        if arguments.end_overlap and key.former is None:
-            raise ConfigError(f"{arguments.key}: has no former generation; allowed: leave it")
-        key = key.settled() if arguments.end_overlap else key.rotated()
+        if self.end_overlap and key.former is None:
+            raise ConfigError(f"{self.key}: has no former generation; allowed: leave it")
+        key = key.settled() if self.end_overlap else key.rotated()
         write_key(path, key, replace=True)
-        return _print_key(arguments, key)
+        self.show_file(self.key, key)
 
 
-class RevokeKey(Command):
-    """Excludes a lost node."""
+class Revoke(KeyVerb):
+    """Shut a lost node out: the next generation of a list of members, without it.
 
-    name = "revoke"
-    summary = "shut a lost node out: the next generation of a list of members, without it"
+    identities that lie beside the list wrap their broadcasts for those that are left;
+    copy the list to all of them. Until a node has it, it listens to the lost one
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file and node."""
-        parser.add_argument("key", metavar="LIST", type=Path, help="the list of members")
-        parser.add_argument("address", metavar="ADDRESS", type=int, help="the lost node")
-        add_json(parser)
-        parser.epilog = (
-            "identities that lie beside the list wrap their broadcasts for those that are left;\n"
-            "copy the list to all of them. Until a node has it, it listens to the lost one\n\n"
-            "example:\n  zacoustic key revoke keys/fleet.members 2"
-        )
+    Example:
+      zacoustic key revoke keys/fleet.members 2
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    key: Path = word("LIST", "the list of members", type=Path)
+    address: int = word("ADDRESS", "the lost node", type=int)
+
+    def work(self) -> None:
         """Rewrite the list, and print the remaining nodes.
 
         Raises:
@@ -195,45 +186,36 @@ class RevokeKey(Command):
         from zacoustic.app.tools.security import members
         from zacoustic.seal.keys import read_key
 
-        if members.is_list(arguments.key):
-            left = members.revoke(arguments.key, arguments.address)
-            return _print_members(arguments, arguments.key, left)
-        key = read_key(arguments.key)
+        if members.is_list(self.key):
+            self.show_file(self.key, members.revoke(self.key, self.address))
+            return
+        key = read_key(self.key)
         raise ConfigError(
-            f"{arguments.key}: {key.network} has one key for all nodes; node {arguments.address} "
+            f"{self.key}: {key.network} has one key for all nodes; node {self.address} "
             "cannot be taken out of it",
             hint="`zacoustic key rotate`, and give the next key to all other nodes: those that "
             "are submerged listen to the lost one until they have it",
         )
 
 
-class RejoinNode(Command):
-    """Makes a missing life record."""
+class Rejoin(Verb):
+    """Make the life record of a node that has none."""
 
-    name = "rejoin"
-    summary = "make the life record of a node that has none"
+    epilog = f"""{_DANGER}
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare node, file, and the known life."""
-        parser.add_argument("address", metavar="ADDRESS", type=int, help="the node")
-        parser.add_argument(
-            "--config", metavar="FILE", required=True, help="its configuration, with `security`"
-        )
-        known = parser.add_mutually_exclusive_group(required=True)
-        known.add_argument(
-            "--never", action="store_true", help="it has never transmitted with this key"
-        )
-        known.add_argument("--after", type=int, metavar="N", help="its last known life")
-        parser.add_argument("--yes", action="store_true", help="that is so, and I know the danger")
-        add_json(parser)
-        parser.epilog = (
-            f"{_DANGER}\n\n"
-            "examples:\n"
-            "  zacoustic key rejoin 2 --config fleet.json5 --never --yes      its first start\n"
-            "  zacoustic key rejoin 2 --config fleet.json5 --after 41 --yes   after a new disk"
-        )
+examples:
+  zacoustic key rejoin 2 --config fleet.json5 --never --yes      its first start
+  zacoustic key rejoin 2 --config fleet.json5 --after 41 --yes   after a new disk
+"""
+    prints_late = False
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    address: int = word("ADDRESS", "the node", type=int)
+    config: str = option("FILE", "its configuration, with `security`", required=True)
+    never: bool = flag("it has never transmitted with this key", either="known", required=True)
+    after: int | None = whole("N", "its last known life", either="known")
+    yes: bool = flag("that is so, and I know the danger")
+
+    def work(self) -> None:
         """Make the record.
 
         Raises:
@@ -243,52 +225,43 @@ class RejoinNode(Command):
         from zacoustic.config import read_config
         from zacoustic.seal.keyring import open_keyring
 
-        config = read_config(arguments.config, address=arguments.address)
+        config = read_config(self.config, address=self.address)
         if config.security is None:
             raise ConfigError(
-                f"{arguments.config}: plugins.acoustic.security: is missing",
+                f"{self.config}: plugins.acoustic.security: is missing",
                 hint="a node without a key has no lives",
             )
-        ring = open_keyring(config.security, arguments.address)
-        if not arguments.yes:
+        ring = open_keyring(config.security, self.address)
+        if not self.yes:
             for line in _DANGER.splitlines():
                 print_note(line)
             raise ConfigError("--yes is missing; allowed: when you know that it is so")
-        after = ring.lives.join(None if arguments.never else arguments.after)
-        record = {"address": arguments.address, "generation": ring.key.generation, "after": after}
-        if arguments.json:
+        after = ring.lives.join(None if self.never else self.after)
+        record = {"address": self.address, "generation": ring.key.generation, "after": after}
+        if self.json:
             print_json(record)
         else:
             print_note(
-                f"node {arguments.address}: its next start is a life after {after}, with "
+                f"node {self.address}: its next start is a life after {after}, with "
                 f"generation {ring.key.generation} of the key"
             )
-        return EXIT_OK
 
 
-class CheckKey(Command):
-    """Checks key file, life records and journal against each other."""
+class Check(NodeFileVerb):
+    """Check key file, life records and journal of a node.
 
-    name = "check"
-    summary = "check key file, life records and journal of a node"
+    run it as the user of the gateway, on its computer; nothing is changed, and nothing
+    secret printed. Exits with 1 when something is wrong
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare file, node and fingerprint."""
-        parser.add_argument("file", metavar="FILE", help="Zenoh config with plugins.acoustic")
-        parser.add_argument(
-            "--address", type=int, metavar="N", help="address of this node, instead of the file's"
-        )
-        parser.add_argument(
-            "--fingerprint", metavar="HEX", help="that of the other nodes: `zacoustic key show`"
-        )
-        add_json(parser)
-        parser.epilog = (
-            "run it as the user of the gateway, on its computer; nothing is changed, and nothing\n"
-            "secret printed. Exits with 1 when something is wrong\n\n"
-            "example:\n  zacoustic key check fleet.json5 --address 2 --fingerprint 5be0a3c1"
-        )
+    Example:
+      zacoustic key check fleet.json5 --address 2 --fingerprint 5be0a3c1
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
+    prints_late = False
+
+    fingerprint: str | None = option("HEX", "that of the other nodes: `zacoustic key show`")
+
+    def work(self) -> int:
         """Print the faults.
 
         Raises:
@@ -298,99 +271,45 @@ class CheckKey(Command):
         from zacoustic.config import read_config
         from zacoustic.seal.keys import is_fingerprint
 
-        wanted = None if arguments.fingerprint is None else arguments.fingerprint.lower()
+        wanted = None if self.fingerprint is None else self.fingerprint.lower()
         if wanted is not None and not is_fingerprint(wanted):
             raise ConfigError(
-                f"--fingerprint {arguments.fingerprint}; allowed: eight hexadecimal digits"
+                f"--fingerprint {self.fingerprint}; allowed: eight hexadecimal digits"
             )
-        config = read_config(arguments.file, address=arguments.address)
-        check = check_keys(config, wanted)
-        print_result(check, as_text, as_json=arguments.json)
+        check = check_keys(read_config(self.file, address=self.address), wanted)
+        self.show(check, as_text)
         return EXIT_FAILED if check.findings else EXIT_OK
 
 
-class SendKey(Command):
-    """Delivers the key for one node's broadcasts to another node, across the channel."""
+class Send(NetworkVerb):
+    """Let a submerged node open the broadcasts of one that its list has no key for.
 
-    name = "send"
-    summary = "let a submerged node open the broadcasts of one that its list has no key for"
-    prints_late = True
+    with identities only. The gateway here sends one frame of 59 bytes, which only that
+    node can read; it must open these broadcasts itself, and the node must execute its
+    commands. Copy the list to the node when it is back: then it can also talk with the
+    source alone
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Declare both nodes, and where to ask."""
-        parser.add_argument(
-            "--node", type=int, metavar="N", required=True, help="the node that gets the key"
-        )
-        parser.add_argument(
-            "--source", type=int, metavar="N", required=True,
-            help="the node whose broadcasts it is to open",
-        )  # fmt: skip
-        add_local_network(parser)
-        add_json(parser)
-        parser.add_argument(
-            "--timeout", type=float, metavar="S", default=120.0,
-            help="how long to try, s (default: 120)",
-        )  # fmt: skip
-        parser.epilog = (
-            "with identities only. The gateway here sends one frame of 59 bytes, which only that\n"
-            "node can read; it must open these broadcasts itself, and the node must execute its\n"
-            "commands. Copy the list to the node when it is back: then it can also talk with the\n"
-            "source alone\n\n"
-            "example:\n  zacoustic key send --node 3 --source 5 --config shore.json5"
-        )
+    Example:
+      zacoustic key send --node 3 --source 5 --config shore.json5
+    """
 
-    def run(self, arguments: argparse.Namespace) -> int:
-        """Send it, and print what it took; exit code 3 without an answer in time.
+    node: int = node_address("the node that gets the key", required=True)
+    source: int = node_address("the node whose broadcasts it is to open", required=True)
+    timeout: float = seconds("how long to try, s", 120.0)
+
+    async def work(self) -> None:
+        """Send it, and print what it took.
 
         Raises:
             ConfigError: An argument is wrong.
             DeliveryError, ServiceError: There is no such node, no such key, or it is refused.
+            CallTimeoutError: No answer comes in time.
         """
-        import asyncio
-
         from zacoustic.app.tools.field.asking import local_gateways
-        from zacoustic.app.tools.fleetfile import read_fleet
         from zacoustic.zenoh.requests.key import KEY, KeyAnswer, KeyAsked
 
-        for name in ("node", "source"):
-            if not 1 <= getattr(arguments, name) <= 254:
-                raise ConfigError(f"--{name} {getattr(arguments, name)}; allowed: 1..254")
-        if not 0 < arguments.timeout <= KEY.most_s:
-            allowed = f"above 0, at most {KEY.most_s:g}"
-            raise ConfigError(f"--timeout {arguments.timeout:g}; allowed: {allowed}")
-        config = None if arguments.config is None else read_fleet(arguments.config)
-
-        async def send() -> KeyAnswer:
-            question = KeyAsked(source=arguments.source)
-            async with local_gateways(config, arguments.connect) as gateways:
-                return await gateways.ask(KEY, arguments.node, question, arguments.timeout)
-
-        print_result(asyncio.run(send()), KeyAnswer.text, as_json=arguments.json)
-        return EXIT_OK
-
-
-def _print_key(arguments: argparse.Namespace, key: "FleetKey") -> int:
-    from zacoustic.app.tools.security.keyreport import as_text, report_on
-
-    print_result(report_on(arguments.key, key), as_text, as_json=arguments.json)
-    return EXIT_OK
-
-
-def _print_members(arguments: argparse.Namespace, path: Path, listed: "Members") -> int:
-    from zacoustic.app.tools.security import members
-
-    print_result(members.report_on(path, listed), members.as_text, as_json=arguments.json)
-    return EXIT_OK
-
-
-def _generation(arguments: argparse.Namespace) -> int:
-    """Return the generation of a replaced key; −1: there is none, or of another network."""
-    from zacoustic.seal.keys import KeyFileError, read_key
-
-    if not arguments.force:
-        return -1
-    try:
-        key = read_key(arguments.key)
-    except KeyFileError:
-        return -1
-    return key.generation if key.network == arguments.network else -1
+        check_within("--timeout", self.timeout, SHORTEST_S, KEY.most_s, unit=" s")
+        question = KeyAsked(source=self.source)
+        async with local_gateways(self.fleet(), self.connect) as gateways:
+            answer = await gateways.ask(KEY, self.node, question, self.timeout)
+        self.show(answer, KeyAnswer.text)

@@ -1,9 +1,10 @@
 """A line on the terminal that shows how far a verb is, from its third second to its output."""
 
+import contextlib
 import sys
 import threading
 import time
-from types import TracebackType
+from collections.abc import Iterator
 from typing import Final, Self
 
 _SILENT_S: Final = 2.0
@@ -14,7 +15,7 @@ _ERASE: Final = "\r\x1b[K"
 
 
 class AtWork:
-    """Shows how far a verb is, and its running time; a context manager, active on a terminal.
+    """Shows how far a verb is, and its running time, on a terminal.
 
     All printing calls `end` first, which removes the line for good.
     """
@@ -25,25 +26,18 @@ class AtWork:
         self._over = threading.Event()
         self._thread: threading.Thread | None = None
 
-    def begin(self, program: str) -> Self:
-        """Begin to show the running time of a program."""
+    @contextlib.contextmanager
+    def begin(self, program: str) -> Iterator[Self]:
+        """Show the running time of a program, until the first output or the end of the block."""
         self._program, self._share = program, None
-        return self
-
-    def __enter__(self) -> Self:
         if sys.stderr.isatty():
             self._over.clear()
             self._thread = threading.Thread(target=self._run, name="at work", daemon=True)
             self._thread.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.end()
+        try:
+            yield self
+        finally:
+            self.end()
 
     def show(self, share: float) -> None:
         """Show from now on which share of the work is done, 0…1."""

@@ -3,7 +3,7 @@
 import contextlib
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from zacoustic.app.cli.support.rows import OBJECT_PER_LINE, flag, number, option, repeated
+from zacoustic.app.cli.support.rows import OBJECT_PER_LINE, endpoint, flag, option, whole
 from zacoustic.app.cli.support.verb import FleetVerb
 from zacoustic.errors import ConfigError
 
@@ -22,12 +22,10 @@ T = TypeVar("T")
 class Participant(FleetVerb):
     """A verb that takes part: on Zenoh, or directly on a link."""
 
-    connect: list[str] | None = repeated(
-        "ENDPOINT", "Zenoh endpoint, tcp/HOST:PORT", None, either="where"
-    )
+    connect: list[str] | None = endpoint(either="where")
     link: str | None = option("LOCATOR", "straight on a link; needs --config", either="where")
     config: str | None = option("FILE", "file with the section plugins.acoustic")
-    address: int | None = number("N", "acoustic address, instead of the file's")
+    address: int | None = whole("N", "acoustic address, instead of the file's")
     json: bool = flag(OBJECT_PER_LINE)
 
     def make_node(self) -> "Node":

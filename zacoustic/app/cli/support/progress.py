@@ -1,7 +1,6 @@
-"""The progress of a large sample: a bar on a terminal, lines elsewhere."""
+"""How far counted work is: bars on a terminal, a line for each tenth elsewhere."""
 
 import sys
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Final, Self
 
 from zacoustic.app.cli.support.atwork import AT_WORK
@@ -13,77 +12,97 @@ if TYPE_CHECKING:
 _EVERY_PERCENT: Final = 10
 
 
-class ProgressLine:
-    """Shows steps of one transfer; a context manager.
+class Progress:
+    """Shows progress on standard error; a context manager.
 
-    On a terminal it draws two bars on standard error, for sent and arrived bytes (rich, the
-    extra `terminal`); elsewhere a line there for each tenth, and with `--json` one on standard
-    output for each step.
-
-    Args:
-        key: What is published.
-        as_json: Print JSON.
+    On a terminal it draws a bar for each count (rich, the extra `terminal`), elsewhere a line for
+    each tenth.
     """
 
-    def __init__(self, key: str, *, as_json: bool) -> None:
-        self._key = key
-        self._as_json = as_json
-        self._percent = -_EVERY_PERCENT
+    columns: tuple[str, ...]
+    """What stands behind a bar: classes of `rich.progress`."""
+
+    def __init__(self) -> None:
+        self._shown_percent = 0
         self._bars: Any = None
-        self._tasks: tuple[Any, Any] | None = None
+        self._tasks: dict[str, Any] = {}
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bars is not None:
             self._bars.stop()
 
-    def show(self, step: "Step") -> None:
-        """Show a step."""
-        AT_WORK.end()
-        if self._as_json:
-            record = {
-                "key": self._key,
-                "event": "progress",
-                "sent_bytes": step.sent_bytes,
-                "done_bytes": step.done_bytes,
-                "total_bytes": step.total_bytes,
-            }
-            print_line(record, "", as_json=True)
-        elif not self._draw(step):
-            self._write(step)
-
-    def _draw(self, step: "Step") -> bool:
-        """Draw bars; False: there is no terminal, or no rich."""
+    def draw(self, total: int, **done: int) -> bool:
+        """Draw a bar for each count; False: there is no terminal, or no rich."""
         if self._bars is None:
             if not sys.stderr.isatty():
                 return False
             try:
+                from rich import progress
                 from rich.console import Console
-                from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn
             except ModuleNotFoundError:
                 return False
-            columns = (TextColumn("{task.description:>5}"), BarColumn(40), DownloadColumn())
-            self._bars = Progress(*columns, console=Console(file=sys.stderr))
-            self._tasks = tuple(
-                self._bars.add_task(name, total=step.total_bytes) for name in ("sent", "there")
+            width = max(map(len, done))
+            self._bars = progress.Progress(
+                progress.TextColumn(f"{{task.description:>{width}}}"),
+                progress.BarColumn(40),
+                *(getattr(progress, each)() for each in self.columns),
+                console=Console(file=sys.stderr),
             )
+            self._tasks = {name: self._bars.add_task(name, total=total) for name in done}
             self._bars.start()
-        assert self._tasks is not None
-        self._bars.update(self._tasks[0], completed=step.sent_bytes)
-        self._bars.update(self._tasks[1], completed=step.done_bytes)
+        for name, count in done.items():
+            self._bars.update(self._tasks[name], completed=count)
         return True
 
-    def _write(self, step: "Step") -> None:
-        percent = step.sent_bytes * 100 // max(step.total_bytes, 1)
-        is_there = step.done_bytes == step.total_bytes
-        if percent >= self._percent + _EVERY_PERCENT or is_there:
-            self._percent = 100 + _EVERY_PERCENT if is_there else percent // 10 * 10
-            done_percent = step.done_bytes * 100 // max(step.total_bytes, 1)
-            print_note(f"{self._key}: {percent} % sent, {done_percent} % there")
+    def is_next_tenth(self, done: int, total: int) -> bool:
+        """Whether a further tenth is done since the last line."""
+        percent = done * 100 // max(total, 1)
+        if percent < self._shown_percent + _EVERY_PERCENT:
+            return False
+        self._shown_percent = percent // _EVERY_PERCENT * _EVERY_PERCENT
+        return True
+
+
+class RunsProgress(Progress):
+    """The progress of a campaign."""
+
+    columns = ("MofNCompleteColumn", "TimeElapsedColumn", "TimeRemainingColumn")
+
+    def show(self, done: int, runs: int) -> None:
+        """Show how many runs are done."""
+        if not self.draw(runs, runs=done) and self.is_next_tenth(done, runs):
+            print_note(f"{done} of {runs} runs done")
+
+
+class ProgressLine(Progress):
+    """The progress of one transfer: sent and arrived bytes; as JSON, a line for each step.
+
+    Args:
+        key: What is published.
+        as_json: Print JSON on standard output.
+    """
+
+    columns = ("DownloadColumn",)
+
+    def __init__(self, key: str, *, as_json: bool) -> None:
+        super().__init__()
+        self._key = key
+        self._as_json = as_json
+        self._shown_percent = -_EVERY_PERCENT
+        self._is_over = False
+
+    def show(self, step: "Step") -> None:
+        """Show a step."""
+        AT_WORK.end()
+        sent, done, total = step.sent_bytes, step.done_bytes, step.total_bytes
+        if self._as_json:
+            counts = {"sent_bytes": sent, "done_bytes": done, "total_bytes": total}
+            print_line({"key": self._key, "event": "progress", **counts}, "", as_json=True)
+        elif not self.draw(total, sent=sent, there=done) and not self._is_over:
+            self._is_over = done == total
+            if self.is_next_tenth(sent, total) or self._is_over:
+                percents = [each * 100 // max(total, 1) for each in (sent, done)]
+                print_note(f"{self._key}: {percents[0]} % sent, {percents[1]} % there")

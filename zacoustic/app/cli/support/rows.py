@@ -78,10 +78,11 @@ class Row:
             ConfigError: It is outside the limits.
         """
         if self._limits is not None and value is not None:
-            check_within(option_of(name), value, *self._limits)
+            unit = " s" if self._settings["metavar"] == "S" else ""
+            check_within(option_of(name), value, *self._limits, unit=unit)
 
 
-def word(metavar: str, meaning: str, many: str | None = None, **settings: Any) -> Any:
+def word(metavar: str | None, meaning: str, many: str | None = None, **settings: Any) -> Any:
     """Declare an argument without a name.
 
     Args:
@@ -109,8 +110,8 @@ def flag(meaning: str, **settings: Any) -> Any:
     return Row((), meaning, action="store_true", **settings)
 
 
-def number(
-    metavar: str,
+def whole(
+    metavar: str | None,
     meaning: str,
     default: int | None = None,
     *,
@@ -123,9 +124,9 @@ def number(
     return option(metavar, meaning, default, type=int, limits=limits, **settings)
 
 
-def address(meaning: str, default: int | None = None, **settings: Any) -> Any:
+def node_address(meaning: str, default: int | None = None, **settings: Any) -> Any:
     """Declare an option with the acoustic address of a node."""
-    return number("N", meaning, default, least=1, most=MOST_NODES, **settings)
+    return whole("N", meaning, default, least=1, most=MOST_NODES, **settings)
 
 
 def real(
@@ -146,12 +147,22 @@ def seconds(meaning: str, default: float | None = None, **settings: Any) -> Any:
     return real("S", meaning, default, **settings)
 
 
+def endpoint(**settings: Any) -> Any:
+    """Declare where Zenoh is joined."""
+    return repeated("ENDPOINT", "Zenoh endpoint, tcp/HOST:PORT", None, **settings)
+
+
+def modem_profile(what: str) -> Any:
+    """Declare an option with a modem profile."""
+    return option("NAME", f"modem{what} (default: the EvoLogics 18/34)")
+
+
 def option_of(name: str) -> str:
     """Return the option of an attribute: `lost_after` is ``--lost-after``."""
     return f"--{name.rstrip('_').replace('_', '-')}"
 
 
-def check_within(name: str, value: float, least: float, most: float) -> None:
+def check_within(name: str, value: float, least: float, most: float, *, unit: str = "") -> None:
     """Check a number.
 
     Args:
@@ -159,6 +170,7 @@ def check_within(name: str, value: float, least: float, most: float) -> None:
         value: Its value; NaN is refused.
         least: The least allowed.
         most: The most allowed.
+        unit: Unit of these, with a blank before it.
 
     Raises:
         ConfigError: It is outside.
@@ -166,7 +178,7 @@ def check_within(name: str, value: float, least: float, most: float) -> None:
     if not least <= value <= most:
         above = "above 0, " if least == SHORTEST_S else ""
         limits = f"{_shown(least)}..{_shown(most)}"
-        raise ConfigError(f"{name} {_shown(value)}; allowed: {above}{limits}")
+        raise ConfigError(f"{name} {_shown(value)}; allowed: {above}{limits}{unit}")
 
 
 def _shown(value: float) -> str:

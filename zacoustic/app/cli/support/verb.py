@@ -27,16 +27,14 @@ from abc import abstractmethod
 from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from zacoustic.app.cli.support.printing import print_line, print_note, print_result
-from zacoustic.app.cli.support.rows import (
-    ONE_OBJECT,
-    Row,
-    flag,
-    number,
-    option,
-    repeated,
-    word,
+from zacoustic.app.cli.support.printing import (
+    print_json,
+    print_line,
+    print_note,
+    print_result,
+    print_text,
 )
+from zacoustic.app.cli.support.rows import ONE_OBJECT, Row, endpoint, flag, option, whole, word
 from zacoustic.link.command import EXIT_OK, Command
 
 if TYPE_CHECKING:
@@ -130,6 +128,16 @@ class Verb(Command):
         """Print one of the results in a line: its text, or the record as JSON."""
         print_line(record, text, as_json=self.json)
 
+    def tell(self, record: object, text: str) -> None:
+        """Print what has happened while it runs on; it ends when nobody reads that any more."""
+        try:
+            if self.json:
+                print_json(record, flush=True)
+            else:
+                print_text(text, flush=True)
+        except BrokenPipeError:
+            self.stop.set()
+
     def note(self, text: str) -> None:
         """Print a line on standard error, in the name of the verb."""
         print_note(f"{self.program}: {text}")
@@ -154,13 +162,18 @@ class FleetVerb(Verb):
 class NetworkVerb(FleetVerb):
     """A verb that joins a Zenoh network and needs no streams of a file."""
 
-    connect: list[str] | None = repeated("ENDPOINT", "Zenoh endpoint, tcp/HOST:PORT", None)
+    connect: list[str] | None = endpoint()
     config: str | None = option("FILE", "file with the endpoints of the router")
 
 
 class NodeFileVerb(Verb):
-    """A verb that takes the file of a node, and overrides."""
+    """A verb that takes the file of a node."""
 
     file: str = word("FILE", "Zenoh config with plugins.acoustic")
-    address: int | None = number("N", "address of this node, instead of the file's")
+    address: int | None = whole("N", "address of this node, instead of the file's")
+
+
+class LinkedVerb(NodeFileVerb):
+    """A verb that takes the file of a node, and perhaps its modem."""
+
     link: str | None = option("LOCATOR", "the modem, instead of the file's: NAME/ADDRESS")

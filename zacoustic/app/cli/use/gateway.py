@@ -3,9 +3,8 @@
 import logging
 from typing import TYPE_CHECKING
 
-from zacoustic.app.cli.support.printing import print_json, print_text
 from zacoustic.app.cli.support.rows import OBJECT_PER_LINE, flag, option, repeated
-from zacoustic.app.cli.support.verb import NodeFileVerb
+from zacoustic.app.cli.support.verb import LinkedVerb
 from zacoustic.errors import ConfigError, ZacousticError
 from zacoustic.link.command import EXIT_FAILED, EXIT_USAGE
 from zacoustic.text.safetext import one_line
@@ -18,7 +17,7 @@ if TYPE_CHECKING:
 _logger = logging.getLogger("zacoustic.gateway")
 
 
-class RunGateway(NodeFileVerb):
+class RunGateway(LinkedVerb):
     r"""Join the Zenoh network here to the others through an acoustic modem.
 
     the file's mode decides what it is: a router of its own, a peer, or a client of a
@@ -97,13 +96,7 @@ class RunGateway(NodeFileVerb):
         if self.log == "json":
             _log(notice)
         if self.log == "text" or self.json:
-            try:
-                if self.json:
-                    print_json(notice.record(), flush=True)
-                else:
-                    print_text("\n".join(map(one_line, notice.lines())), flush=True)
-            except BrokenPipeError:
-                self.stop.set()
+            self.tell(notice.record(), "\n".join(map(one_line, notice.lines())))
 
 
 async def _failure(gateway: "Gateway") -> None:

@@ -5,7 +5,7 @@ import contextlib
 from typing import TYPE_CHECKING
 
 from zacoustic.app.cli.support.participant import Participant
-from zacoustic.app.cli.support.rows import number, seconds, word
+from zacoustic.app.cli.support.rows import seconds, whole, word
 from zacoustic.app.cli.use.sub import subscribe
 from zacoustic.link.command import EXIT_OK, EXIT_TIMED_OUT
 
@@ -25,7 +25,7 @@ class Hz(Participant):
     """
 
     key: str = word("KEY", "topic of the config, or key expression")
-    window: int = number("N", "how many of the last samples count", 100, least=2, most=1_000_000)
+    window: int = whole("N", "how many of the last samples count", 100, least=2, most=1_000_000)
     interval: float = seconds("time between two lines, s", 5.0)
     timeout: float | None = seconds(
         "end after this time, s; exit code 3 with less than two samples"

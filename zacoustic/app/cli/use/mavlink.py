@@ -4,14 +4,13 @@ import secrets
 import time
 from typing import TYPE_CHECKING, Any, Final
 
-from zacoustic.app.cli.support.printing import print_json, print_text
 from zacoustic.app.cli.support.rows import (
     OBJECT_PER_LINE,
+    endpoint,
     flag,
-    number,
     option,
-    repeated,
     seconds,
+    whole,
     word,
 )
 from zacoustic.app.cli.support.verb import Verb
@@ -49,10 +48,10 @@ class Bridge(Verb):
 
     file: str = word("FILE", "Zenoh config with plugins.acoustic")
     mavlink: str
-    baudrate: int | None = number(
+    baudrate: int | None = whole(
         "N", "of a serial port (default: 57600)", least=1, most=_FASTEST_BAUD
     )
-    connect: list[str] | None = repeated("ENDPOINT", "Zenoh endpoint, tcp/HOST:PORT", None)
+    connect: list[str] | None = endpoint()
     prefix: str | None = option("KEY", "first part of the streams' names, if there are more")
     json: bool = flag(OBJECT_PER_LINE)
 
@@ -81,17 +80,11 @@ class Bridge(Verb):
             address=address,
         )
 
-    def tell(self, notice: "Notice") -> None:
-        """Print a notice; without a reader, end."""
-        try:
-            if self.json:
-                print_json(notice, flush=True)
-                return
-            now = time.strftime("%H:%M:%S")
-            sign = "!" if notice.is_trouble else " "
-            print_text(one_line(f"{now} {sign} {notice.event}: {notice.text}"), flush=True)
-        except BrokenPipeError:
-            self.stop.set()
+    def tell_notice(self, notice: "Notice") -> None:
+        """Print a notice."""
+        sign = "!" if notice.is_trouble else " "
+        text = f"{time.strftime('%H:%M:%S')} {sign} {notice.event}: {notice.text}"
+        self.tell(notice, one_line(text))
 
 
 class Vehicle(Bridge):
@@ -109,8 +102,8 @@ class Vehicle(Bridge):
         LOST_AFTER_S,
         **_SPAN_S,
     )
-    system: int | None = number("N", "system id of the autopilot, if there are more", **_SYSTEM)
-    ground_system: int = number(
+    system: int | None = whole("N", "system id of the autopilot, if there are more", **_SYSTEM)
+    ground_system: int = whole(
         "N", "system id of the ground station whose loss the autopilot watches", 255, **_SYSTEM
     )
 
@@ -135,7 +128,7 @@ class Vehicle(Bridge):
             now=time.monotonic_ns(),
         )
         settings = self.settings(config, vehicle_address(names))
-        await VehicleBridge(engine, settings, names, self.tell).run()
+        await VehicleBridge(engine, settings, names, self.tell_notice).run()
 
 
 class Shore(Bridge):
@@ -178,7 +171,7 @@ class Shore(Bridge):
             now=time.monotonic_ns(),
         )
         settings = self.settings(config, shore_address(names))
-        await ShoreBridge(engine, settings, names, self.tell).run()
+        await ShoreBridge(engine, settings, names, self.tell_notice).run()
 
 
 class Streams(Verb):
@@ -193,9 +186,9 @@ class Streams(Verb):
     prints_late = False
 
     prefix: str = option("KEY", "first part of the names", "auv1/mavlink")
-    vehicle: int = number("N", "acoustic address of the vehicle", 2)
-    shore: int = number("N", "acoustic address of the shore", 1)
-    first_id: int = number("N", "first of six stream ids", 60)
+    vehicle: int = whole("N", "acoustic address of the vehicle", 2)
+    shore: int = whole("N", "acoustic address of the shore", 1)
+    first_id: int = whole("N", "first of six stream ids", 60)
 
     def work(self) -> None:
         """Print them.

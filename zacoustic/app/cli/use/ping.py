@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from zacoustic.app.cli.support.participant import Participant
 from zacoustic.app.cli.support.printing import print_json, print_text
-from zacoustic.app.cli.support.rows import MOST_NODES, number, seconds, word
+from zacoustic.app.cli.support.rows import MOST_NODES, seconds, whole, word
 from zacoustic.errors import ConfigError
 from zacoustic.link.command import EXIT_OK, EXIT_TIMED_OUT
 from zacoustic.text.digits import whole_number
@@ -37,7 +37,7 @@ examples:
 """
 
     node: str = word("NODE", "its address, or its name in --config")
-    count: int = number("N", "how often", 4, least=1)
+    count: int = whole("N", "how often", 4, least=1)
     interval: float = seconds("least time from one to the next, s", 5.0)
     timeout: float = seconds("how long to wait for each answer, s", 30.0, most=600.0)
 
@@ -62,11 +62,7 @@ examples:
         node = _address(self.node, config)
         async with self.way(config, GatewayPinger, LinkPinger) as pinger:
             async for ping in pings(
-                pinger,
-                node,
-                count=self.count,
-                interval_s=self.interval,
-                timeout_s=self.timeout,
+                pinger, node, count=self.count, interval_s=self.interval, timeout_s=self.timeout
             ):
                 done.append(ping)
                 self.line(_record(node, ping), _text(node, ping))

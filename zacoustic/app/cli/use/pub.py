@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from zacoustic.app.cli.support.atwork import AT_WORK
 from zacoustic.app.cli.support.participant import Participant, class_of
-from zacoustic.app.cli.support.rows import flag, number, option, real, seconds, word
+from zacoustic.app.cli.support.rows import flag, option, real, seconds, whole, word
 from zacoustic.errors import ConfigError, DeliveryError
 from zacoustic.link.command import EXIT_FAILED, EXIT_OK, EXIT_TIMED_OUT
 
@@ -37,7 +37,7 @@ class Pub(Participant):
         "exit code 1 when it ended otherwise"
     )
     rate: float | None = real("HZ", "publish so often; until --count or Ctrl-C")
-    count: int | None = number("N", "publish N times", least=1)
+    count: int | None = whole("N", "publish N times", least=1)
     timeout: float = seconds(
         "how long the last one may take to leave, or with --wait to arrive, s", 60.0
     )

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Final
 
 from zacoustic.app.cli.support.participant import Participant, class_of
-from zacoustic.app.cli.support.rows import number, seconds, word
+from zacoustic.app.cli.support.rows import seconds, whole, word
 from zacoustic.link.command import EXIT_OK, EXIT_TIMED_OUT
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ class Echo(Participant):
     """  # noqa: E501 (wide on a terminal)
 
     key: str | None = word("KEY", "topic of the config, or key expression; none: all topics", "?")
-    count: int | None = number("N", "end after N samples", least=1)
+    count: int | None = whole("N", "end after N samples", least=1)
     timeout: float | None = seconds(
         "end after this time, s; exit code 3 with fewer samples than --count or none"
     )

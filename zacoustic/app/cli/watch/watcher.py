@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from zacoustic.app.cli.support.printing import print_json
-from zacoustic.app.cli.support.rows import OBJECT_PER_LINE, address, flag
+from zacoustic.app.cli.support.rows import OBJECT_PER_LINE, flag, node_address
 from zacoustic.app.cli.support.verb import NetworkVerb
 from zacoustic.errors import DeliveryError
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 class Watcher(NetworkVerb):
     """A verb that watches the gateways of a network, or one of them."""
 
-    node: int | None = address("address of one gateway (default: all that are here)")
+    node: int | None = node_address("address of one gateway (default: all that are here)")
     json: bool = flag(OBJECT_PER_LINE)
 
     def watch(self) -> "Watch":

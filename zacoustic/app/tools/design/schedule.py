@@ -12,6 +12,7 @@ Nodes that no third node hears together may own one slot (`hearing_m`). They are
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
+from typing import Final
 
 import msgspec
 
@@ -22,16 +23,16 @@ from zacoustic.core.schedule.access.spec import ScheduledSlot, ScheduleSpec
 
 Distance = Callable[[int, int], float]
 """Returns the distance of two nodes, m, ≥ 0."""
+CLOCK_ERROR_S: Final = 0.01
+"""Of computers that NTP set at the surface, s."""
 _TIMER_S = 0.02
 """A computer's timers may be late by this, s."""
 
 
-class ScheduleWish(msgspec.Struct, frozen=True, kw_only=True):
-    """What a schedule is made for."""
+class ScheduleOptions(msgspec.Struct, frozen=True, kw_only=True):
+    """What no plan knows: clocks, and where nodes may be."""
 
-    frames: Mapping[int, int]
-    """How many of the largest frames each node sends in a cycle, by address, ≥ 1."""
-    clock_error_s: float
+    clock_error_s: float = CLOCK_ERROR_S
     """Largest error of a clock, s, ≥ 0."""
     clock: int | None = None
     """The node whose clock all others follow; None: UTC from each host."""
@@ -39,6 +40,13 @@ class ScheduleWish(msgspec.Struct, frozen=True, kw_only=True):
     """How far each node may be from where it is assumed to be, m, ≥ 0."""
     hearing_m: float | None = None
     """Nodes farther apart do not hear each other, m, > 0; None: all hear each other."""
+
+
+class ScheduleWish(ScheduleOptions, frozen=True, kw_only=True):
+    """What a schedule is made for."""
+
+    frames: Mapping[int, int]
+    """How many of the largest frames each node sends in a cycle, by address, ≥ 1."""
     open_slots: int = 1
     """Slots for nodes that own none, ≥ 0."""
     newcomer_m: float = 0.0

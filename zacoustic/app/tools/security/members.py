@@ -8,8 +8,6 @@ import json
 from pathlib import Path
 from typing import Final
 
-import msgspec
-
 from zacoustic.seal.identities import (
     Identity,
     Members,
@@ -25,25 +23,6 @@ PATTERN: Final = "*.identity"
 """Names of identities beside a list."""
 
 
-class MembersReport(msgspec.Struct, frozen=True, kw_only=True):
-    """The public facts about a members file."""
-
-    file: str
-    """Its name."""
-    network: str
-    """Name of the network."""
-    generation: int
-    """Generation of the keys, counted from 0."""
-    fingerprint: str
-    """Eight hexadecimal digits, equal if network, generation and members are."""
-    members: tuple[int, ...]
-    """Addresses of the members."""
-    unheard: tuple[int, ...]
-    """Nodes whose broadcast key some member lacks."""
-    opens_former: bool
-    """Frames of the generation before are opened as well."""
-
-
 def is_list(path: Path) -> bool:
     """Tell whether a readable file is a members file."""
     try:
@@ -51,39 +30,6 @@ def is_list(path: Path) -> bool:
     except (OSError, ValueError, RecursionError):
         return False
     return isinstance(content, dict) and "public" in content
-
-
-def report_on(path: Path, members: Members) -> MembersReport:
-    """Return the public facts about a members file."""
-    listed = sorted(members.public)
-    unheard = [
-        source
-        for source in listed
-        if any(each not in members.wrapped.get(source, {}) for each in listed if each != source)
-    ]
-    return MembersReport(
-        file=str(path),
-        network=members.network,
-        generation=members.generation,
-        fingerprint=members.fingerprint,
-        members=tuple(listed),
-        unheard=tuple(unheard),
-        opens_former=members.former is not None,
-    )
-
-
-def as_text(report: MembersReport) -> str:
-    """Return the report as lines."""
-    former = f", opens generation {report.generation - 1} too" if report.opens_former else ""
-    lines = [
-        f"{report.file}: network {report.network}, generation {report.generation}, fingerprint "
-        f"{report.fingerprint}{former}",
-        f"members: {', '.join(map(str, report.members)) or 'none'}",
-    ]
-    if report.unheard:
-        nodes = ", ".join(map(str, report.unheard))
-        lines.append(f"not everybody opens broadcasts of node {nodes}: its identity is not here")
-    return "\n".join(lines)
 
 
 def enrol(identity_path: Path, list_path: Path, network: str, address: int) -> Members:

@@ -10,7 +10,7 @@ from zacoustic.app.tools.design.plan.advice import Change, changes_that_fit
 from zacoustic.app.tools.design.plan.agreement import AgreementPlan, agreement_of
 from zacoustic.app.tools.design.plan.fleet import AssumedChannel, Fleet, fleet_of
 from zacoustic.app.tools.design.plan.sampling import note_on
-from zacoustic.app.tools.design.plan.slots import ScheduleOptions, SchedulePlan, schedule_of
+from zacoustic.app.tools.design.plan.slots import SchedulePlan, schedule_of
 from zacoustic.app.tools.design.plan.verdict import (
     MOST_ARRIVALS,
     StreamFound,
@@ -19,6 +19,7 @@ from zacoustic.app.tools.design.plan.verdict import (
     walk,
 )
 from zacoustic.app.tools.design.plan.walk import Found
+from zacoustic.app.tools.design.schedule import ScheduleOptions
 from zacoustic.app.tools.design.sharenote import capabilities_like, share_notes
 from zacoustic.app.tools.design.sim.fleetrun import links_of
 from zacoustic.channel.profiles import ModemProfile, profile_named

@@ -9,6 +9,7 @@ import msgspec
 from zacoustic.app.tools.design.plan.fleet import Fleet
 from zacoustic.app.tools.design.schedule import (
     Distance,
+    ScheduleOptions,
     ScheduleWish,
     distance_of,
     make_schedule,
@@ -18,8 +19,6 @@ from zacoustic.channel.profiles import profile_named
 from zacoustic.core.base.clock import NS_PER_S
 from zacoustic.core.schedule.access.spec import ScheduleSpec
 
-CLOCK_ERROR_S: Final = 0.01
-"""Of computers that NTP set at the surface, s."""
 _SPARE: Final = 1.5
 """A slot has room for this times what its node says on average in a cycle."""
 _MOST_FRAMES: Final = 32
@@ -28,19 +27,6 @@ _MOMENTS: Final = 24
 _ROUNDS: Final = 4
 """A longer slot makes the cycle longer, and that the slots: so often, which is enough where the
 fleet says less than half of what fits."""
-
-
-class ScheduleOptions(msgspec.Struct, frozen=True, kw_only=True):
-    """The settings of a schedule that a plan does not know."""
-
-    clock_error_s: float = CLOCK_ERROR_S
-    """Largest error of a clock, s, ≥ 0."""
-    clock: int | None = None
-    """The node whose clock all others follow; None: UTC from each host."""
-    drift_m: float = 0.0
-    """How far each node may be from its place, m, ≥ 0."""
-    hearing_m: float | None = None
-    """Nodes farther apart do not hear each other, m, > 0; None: all hear each other."""
 
 
 class SchedulePlan(msgspec.Struct, frozen=True, kw_only=True):
