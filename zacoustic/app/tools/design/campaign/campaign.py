@@ -123,15 +123,9 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
         Raises:
             ConfigError: A swept value is not allowed at its place.
         """
-        edits = [edit for case in self.cases_of(cell) for edit in case.edits]
-        source = f"{self.place} with {self.named(cell)}"
-        mapping = copy.deepcopy(self.scenario)
-        _change(mapping, (edit for edit in edits if not _is_of_config(edit[0])), source)
-        if isinstance(mapping, dict):
-            mapping["seed"] = seed
-        folder = Path(self.place).parent
-        scenario = scenario_from_mapping(mapping, source=source, folder=folder)
-        changes = [(path, value) for path, value in edits if _is_of_config(path)]
+        scenario = self._scenario_of(cell, seed)
+        source, folder = f"{self.place} with {self.named(cell)}", Path(self.place).parent
+        changes = [(path, value) for path, value in self._edits_of(cell) if _is_of_config(path)]
         if not scenario.config:
             if changes:
                 raise ConfigError(
@@ -158,18 +152,26 @@ class Campaign(msgspec.Struct, frozen=True, kw_only=True):
         """
         seen: set[bytes] = set()
         for cell in range(self.cells):
-            edits = [edit for case in self.cases_of(cell) for edit in case.edits]
+            edits = self._edits_of(cell)
             # Configs are read for each node; cases that do not change them need only the scenario.
             of_config = [edit for edit in edits if edit[0].startswith((_CONFIG, "nodes"))]
             key = msgspec.json.encode(of_config)
             if key not in seen:
                 seen.add(key)
                 self.scenario_of(cell, self.seeds[0])
-                continue
-            mapping = copy.deepcopy(self.scenario)
-            source = f"{self.place} with {self.named(cell)}"
-            _change(mapping, (edit for edit in edits if not _is_of_config(edit[0])), source)
-            scenario_from_mapping(mapping, source=source, folder=Path(self.place).parent)
+            else:
+                self._scenario_of(cell, self.seeds[0])
+
+    def _edits_of(self, cell: int) -> list[tuple[str, Any]]:
+        return [edit for case in self.cases_of(cell) for edit in case.edits]
+
+    def _scenario_of(self, cell: int, seed: int) -> Scenario:
+        mapping, source = copy.deepcopy(self.scenario), f"{self.place} with {self.named(cell)}"
+        edits = (each for each in self._edits_of(cell) if not _is_of_config(each[0]))
+        _change(mapping, edits, source)
+        if isinstance(mapping, dict):
+            mapping["seed"] = seed
+        return scenario_from_mapping(mapping, source=source, folder=Path(self.place).parent)
 
     def check_files(self) -> None:
         """Compare the files that configs name with their digests in the campaign.

@@ -10,6 +10,7 @@ import os
 import random
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 
@@ -36,7 +37,7 @@ from zacoustic.core.schedule.access import (
     choose,
 )
 from zacoustic.core.schedule.silence import QuietWindow
-from zacoustic.core.streams.specs import ActionSpec, ServiceSpec, TopicSpec, in_parts
+from zacoustic.core.streams.specs import ServiceSpec, TopicSpec, in_parts
 from zacoustic.core.streams.table import Stream
 from zacoustic.core.streams.wireprofile import WireProfile
 from zacoustic.core.values.payload import CborCodec, PayloadCodec, TypedCodec
@@ -51,6 +52,7 @@ from zacoustic.text.safetext import without_secrets
 
 _ID_BYTES = 1
 _CALL_BYTES = 1
+_STATUS_BYTES = 1
 _DAY_NS = seconds_to_ns(24 * 3600)
 
 
@@ -216,83 +218,67 @@ def report_of(config: Config, profile: ModemProfile | None) -> Report:
     )
 
 
+class _Direction(NamedTuple):
+    """One direction of a stream."""
+
+    kind: str
+    type_name: str | None
+    codec: PayloadCodec
+    sources: tuple[int, ...] | None
+    targets: tuple[int, ...] | None
+    head_bytes: int
+    lifespan_s: float | None
+
+
+def _directions(stream: Stream) -> list[_Direction]:
+    """Return one direction of a topic, two of a service, three of an action."""
+    spec, codec, back = stream.spec, stream.codec, stream.response_codec
+    head = desert.head_bytes(stream) if isinstance(codec, RmwDesertCodec) else None
+    if isinstance(spec, TopicSpec):
+        if head is None:
+            head = _ID_BYTES + len(stream.keys.wildcards) + (stream.qos.stamp is Stamp.AGE)
+        ends, lifespan_s = (spec.publishers, spec.subscribers), stream.qos.lifespan_s
+        return [_Direction("topic", spec.type_name, codec, *ends, head, lifespan_s)]
+    if head is None:
+        head = _ID_BYTES + _CALL_BYTES
+    here, there = (None, (spec.server,)), ((spec.server,), None)
+    if isinstance(spec, ServiceSpec):
+        limit_s = spec.timeout_s
+        return [
+            _Direction("request", spec.request_type, codec, *here, head, limit_s),
+            _Direction("response", spec.response_type, back, *there, head, limit_s),
+        ]
+    result_head, limit_s = head + _STATUS_BYTES, spec.result_timeout_s
+    feedback = stream.feedback_codec
+    return [
+        _Direction("goal", spec.goal_type, codec, *here, head, spec.timeout_s),
+        _Direction("feedback", spec.feedback_type, feedback, *there, head, None),
+        _Direction("result", spec.result_type, back, *there, result_head, limit_s),
+    ]
+
+
 def _rows(
     stream: Stream, profile: ModemProfile, typical: Mapping[int, float]
 ) -> Iterator[StreamRow]:
-    spec = stream.spec
-    on_desert = isinstance(stream.codec, RmwDesertCodec)
-    if isinstance(spec, TopicSpec):
-        stamp_bytes = 1 if stream.qos.stamp is Stamp.AGE else 0
-        head_bytes = _ID_BYTES + len(stream.keys.wildcards) + stamp_bytes
-        if on_desert:
-            head_bytes = desert.head_bytes(stream)
-        yield _row(
-            stream, "topic", spec.type_name, (spec.publishers, spec.subscribers),
-            codec=stream.codec, head_bytes=head_bytes, profile=profile, typical=typical,
-        )  # fmt: skip
-        return
-    head_bytes = desert.head_bytes(stream) if on_desert else _ID_BYTES + _CALL_BYTES
-    server = (spec.server,)
-    if isinstance(spec, ActionSpec):
-        for kind, type_name, codec, receivers in (
-            ("goal", spec.goal_type, stream.codec, (None, server)),
-            ("feedback", spec.feedback_type, stream.feedback_codec, (server, None)),
-            ("result", spec.result_type, stream.response_codec, (server, None)),
-        ):
-            status_bytes = 1 if kind == "result" else 0
-            yield _row(
-                stream, kind, type_name, receivers,
-                codec=codec, head_bytes=head_bytes + status_bytes, profile=profile, typical=typical,
-            )  # fmt: skip
-        return
-    yield _row(
-        stream, "request", spec.request_type, (None, server),
-        codec=stream.codec, head_bytes=head_bytes, profile=profile, typical=typical,
-    )  # fmt: skip
-    yield _row(
-        stream, "response", spec.response_type, (server, None),
-        codec=stream.response_codec, head_bytes=head_bytes, profile=profile, typical=typical,
-    )  # fmt: skip
-
-
-def _row(
-    stream: Stream,
-    kind: str,
-    type_name: str | None,
-    receivers: tuple[tuple[int, ...] | None, tuple[int, ...] | None],
-    *,
-    codec: PayloadCodec,
-    head_bytes: int,
-    profile: ModemProfile,
-    typical: Mapping[int, float],
-) -> StreamRow:
-    spec, (smallest, largest) = stream.spec, _sizes(codec, head_bytes)
-    lifespan_s = stream.qos.lifespan_s
-    if isinstance(spec, ServiceSpec):
-        lifespan_s = spec.timeout_s
-    elif isinstance(spec, ActionSpec):
-        lifespan_s = {"goal": spec.timeout_s, "result": spec.result_timeout_s}.get(kind)
-    frame_bytes = profile.mtu_bytes if largest is None else min(largest, profile.mtu_bytes)
-    return StreamRow(
-        stream_id=stream.stream_id,
-        kind=kind,
-        name=stream.name,
-        type=type_name,
-        sources=receivers[0],
-        targets=receivers[1],
-        priority=stream.qos.priority.name.lower(),
-        depth=stream.qos.depth if isinstance(spec, TopicSpec) else None,
-        lifespan_s=lifespan_s,
-        smallest_bytes=smallest,
-        largest_bytes=largest,
-        airtime_s=profile.airtime_s(frame_bytes),
-        bits=sample_bits(stream, codec, typical),
-    )
-
-
-def _sizes(codec: PayloadCodec, head_bytes: int) -> tuple[int, int | None]:
-    largest = codec.largest_bytes
-    return head_bytes + codec.smallest_bytes, None if largest is None else head_bytes + largest
+    for each in _directions(stream):
+        largest = each.codec.largest_bytes
+        largest_bytes = None if largest is None else each.head_bytes + largest
+        frame_bytes = min(largest_bytes or profile.mtu_bytes, profile.mtu_bytes)
+        yield StreamRow(
+            stream_id=stream.stream_id,
+            kind=each.kind,
+            name=stream.name,
+            type=each.type_name,
+            sources=each.sources,
+            targets=each.targets,
+            priority=stream.qos.priority.name.lower(),
+            depth=stream.qos.depth if each.kind == "topic" else None,
+            lifespan_s=each.lifespan_s,
+            smallest_bytes=each.head_bytes + each.codec.smallest_bytes,
+            largest_bytes=largest_bytes,
+            airtime_s=profile.airtime_s(frame_bytes),
+            bits=sample_bits(stream, each.codec, typical),
+        )
 
 
 def _type_row(codec: TypedCodec) -> TypeRow:
@@ -428,14 +414,19 @@ def _route_notes(config: Config) -> Iterator[str]:
             place = "a relay of it" if config.address in route.path else "not in it"
             yield f"{text}; node {config.address} is {place}"
             continue
-        names = [
-            stream.name
-            for stream in config.table
-            if config.rules.links_of_streams.get(stream.stream_id) == route.name
-        ]
-        yield f"{text}; streams: {', '.join(names) or 'none'}"
+        yield f"{text}; streams: {_streams_by(config, route.name) or 'none'}"
     if config.rules.routes:
         yield "zacoustic config plan counts a stream of a route once, not for each hop; sim runs it"
+
+
+def _streams_by(config: Config, name: str) -> str:
+    """Return the names of the streams that go by a link, a route or a list of links."""
+    rules = config.rules
+    return ", ".join(
+        stream.name
+        for stream in config.table
+        if rules.links_of_streams.get(stream.stream_id, rules.default_link) == name
+    )
 
 
 def _flood_notes(config: Config) -> Iterator[str]:
@@ -443,13 +434,9 @@ def _flood_notes(config: Config) -> Iterator[str]:
     flood = config.rules.flood
     if flood is None:
         return
-    names = [
-        stream.name
-        for stream in config.table
-        if config.rules.links_of_streams.get(stream.stream_id) == FLOOD_NAME
-    ]
+    names = _streams_by(config, FLOOD_NAME) or "no stream"
     yield (
-        f"flood: {', '.join(names) or 'no stream'}, {flood.hops} hops over {flood.link}: each node "
+        f"flood: {names}, {flood.hops} hops over {flood.link}: each node "
         f"in reach transmits such a frame once, and up to three times at the edge"
     )
 
@@ -483,12 +470,7 @@ def _bond_notes(config: Config) -> Iterator[str]:
             f"{each} ({own[each].cost.value})" if each in own else f"{each} (not at this node)"
             for each in bond.links
         ]
-        names = [
-            stream.name
-            for stream in config.table
-            if rules.links_of_streams.get(stream.stream_id, rules.default_link) == bond.name
-        ]
-        yield f"links {', '.join(costs)}; streams: {', '.join(names) or 'none'}"
+        yield f"links {', '.join(costs)}; streams: {_streams_by(config, bond.name) or 'none'}"
         here = [own[each] for each in bond.links if each in own]
         if not here:
             yield f"links {', '.join(bond.links)}: none is at this node; its streams use the first"

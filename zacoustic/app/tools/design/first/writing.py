@@ -12,14 +12,13 @@ from typing import Any, Final
 import msgspec
 
 from zacoustic.app.tools.design.first.drafting import (
-    Overlaid,
     Served,
     TopicDraft,
     draft_topic,
     type_names,
 )
 from zacoustic.app.tools.design.first.guessing import COMMANDING, USUAL, priority_of
-from zacoustic.app.tools.design.first.inference import InferredType
+from zacoustic.app.tools.design.first.inference import InferredField
 from zacoustic.app.tools.design.first.pacing import LIFESPAN_S, paced, sized
 from zacoustic.app.tools.design.first.rosdrafting import RosNetwork, joined, ros_network
 from zacoustic.app.tools.design.first.survey import PAYLOAD_LIMIT_BYTES, SeenTopic, Survey
@@ -195,17 +194,9 @@ def _content(
     known = own | {topic.key for topic in from_peer} | accounted
     from_peer += [_unseen(key) for key in survey.subscribed if key not in known]
     everything = [*topics, *from_peer]
-    left_out = [f"{topic.key}: {fault}" for topic in everything if (fault := _fault_of(topic.key))]
-    left_out += [
-        f"{topic.key}: {topic.largest_bytes} bytes; allowed: {LARGEST_BYTES}"
-        for topic in everything
-        if _fault_of(topic.key) is None and topic.largest_bytes > LARGEST_BYTES
-    ]
-    usable = [
-        topic
-        for topic in everything
-        if _fault_of(topic.key) is None and topic.largest_bytes <= LARGEST_BYTES
-    ]
+    faults = {topic.key: _fault_in(topic) for topic in everything}
+    left_out = [f"{key}: {fault}" for key, fault in faults.items() if fault]
+    usable = [topic for topic in everything if not faults[topic.key]]
     foreign = {topic.key for topic in from_peer}
     names = type_names([topic.key for topic in usable])
     spoken = set() if peer is None else own & {topic.key for topic in peer.topics}
@@ -352,6 +343,13 @@ def _fault_of(key: str) -> str | None:
     return "has a brace, which stands for a placeholder" if "{" in key else fault_of_name(key)
 
 
+def _fault_in(topic: SeenTopic) -> str | None:
+    """Return why a topic cannot be a stream, or None."""
+    if topic.largest_bytes > LARGEST_BYTES:
+        return _fault_of(topic.key) or f"{topic.largest_bytes} bytes; allowed: {LARGEST_BYTES}"
+    return _fault_of(topic.key)
+
+
 def _own_text(content: _Content) -> str:
     return _file(content, content.here, content.there, _joining(content.survey))
 
@@ -424,7 +422,7 @@ def _lines(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> I
     yield "    types: ["
     for draft in content.drafts:
         for each in draft.types:
-            yield from _type_lines(each)
+            yield from _field_lines("name", each.name, each.fields)
     yield "    ],"
     interfaces = {draft.ros.interface for draft in content.drafts if draft.ros is not None}
     overlays = [] if content.ros is None else content.ros.overlays
@@ -432,7 +430,7 @@ def _lines(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> I
         yield "    // What the definitions of ROS do not say: ranges and steps, as they were seen."
         yield "    overlays: ["
         for overlay in used:
-            yield from _overlay_lines(overlay)
+            yield from _field_lines("type", overlay.interface, overlay.rules)
         yield "    ],"
     yield ""
     yield "    // Delete what need not cross: the others may then be faster."
@@ -452,19 +450,11 @@ def _lines(content: _Content, own: Side, other: Side, zenoh: Sequence[str]) -> I
     yield "}"
 
 
-def _type_lines(each: InferredType) -> Iterator[str]:
-    yield f"      {{ name: {_text(each.name)}, fields: ["
-    for field in each.fields:
+def _field_lines(head: str, name: str, fields: Sequence[InferredField]) -> Iterator[str]:
+    yield f"      {{ {head}: {_text(name)}, fields: ["
+    for field in fields:
         remark = f" // {_comment(field.remark)}" if field.remark else ""
         yield f"        {{ {_keys(field.keys)} }},{remark}"
-    yield "      ] },"
-
-
-def _overlay_lines(overlay: Overlaid) -> Iterator[str]:
-    yield f"      {{ type: {_text(overlay.interface)}, fields: ["
-    for rule in overlay.rules:
-        remark = f" // {_comment(rule.remark)}" if rule.remark else ""
-        yield f"        {{ {_keys(rule.keys)} }},{remark}"
     yield "      ] },"
 
 
