@@ -147,7 +147,7 @@ def given(action: argparse.Action, *, is_required: bool) -> Any:
         return bool
     one = {"_node": tuple[int, str]}.get(getattr(action.type, "__name__", ""), action.type or str)
     is_list = isinstance(action, argparse._AppendAction) or action.nargs in ("+", "*")
-    value = list[one] if is_list else one  # type: ignore[valid-type]
+    value: Any = list[one] if is_list else one  # type: ignore[valid-type]
     may_lack = action.default is None and not is_required
     if not action.option_strings:
         may_lack = action.default is None and action.nargs == "?"

@@ -118,14 +118,11 @@ class Show(KeyVerb):
             ConfigError: The file cannot be used.
         """
         from zacoustic.app.tools.security import members
+        from zacoustic.seal.identities import read_members
         from zacoustic.seal.keys import read_key
 
-        if members.is_list(self.key):
-            from zacoustic.seal.identities import read_members
-
-            self.show_file(self.key, read_members(self.key))
-        else:
-            self.show_file(self.key, read_key(self.key))
+        read = read_members if members.is_list(self.key) else read_key
+        self.show_file(self.key, read(self.key))
 
 
 class Rotate(KeyVerb):

@@ -9,6 +9,7 @@ back (D. De Couto and others, A high-throughput path metric for multi-hop wirele
 The route proposed is the one with the least sum.
 """
 
+import asyncio
 import heapq
 import itertools
 import json
@@ -51,9 +52,9 @@ class Asker(ABC):
             DeliveryError, LocalError: It cannot be given.
         """
 
-    @abstractmethod
     async def wait(self, seconds: float) -> None:
         """Let time pass."""
+        await asyncio.sleep(seconds)
 
 
 class Way(msgspec.Struct, frozen=True, kw_only=True):

@@ -1,6 +1,5 @@
 """Commands about routes of the command line, and what gateways say of routes."""
 
-import asyncio
 from collections.abc import Sequence
 from typing import Final
 
@@ -46,10 +45,6 @@ class GatewayAsker(Asker):
         """Ask the gateways; the responsible one asks the node."""
         return await self._gateways.ask(ROUTING, node, request, timeout_s)
 
-    async def wait(self, seconds: float) -> None:
-        """Sleep."""
-        await asyncio.sleep(seconds)
-
 
 class LinkAsker(Asker):
     """Asks on its own link.
@@ -69,10 +64,6 @@ class LinkAsker(Asker):
     async def ask(self, node: int, request: RoutingRequest, timeout_s: float) -> RoutingReport:
         """Ask the node."""
         return await self._node.routing(node, request, timeout_s=timeout_s)
-
-    async def wait(self, seconds: float) -> None:
-        """Sleep."""
-        await asyncio.sleep(seconds)
 
 
 class HopShown(msgspec.Struct, frozen=True, kw_only=True):
