@@ -31,7 +31,7 @@ VALUE: Final = b"twelve bytes"
 
 
 class Walk(msgspec.Struct, frozen=True, kw_only=True):
-    """What both engines run for one exchange."""
+    """Count of the code that both engines run for one exchange."""
 
     functions: int
     """Different functions."""
@@ -139,7 +139,7 @@ ACTS: Final[Mapping[str, Callable[[VirtualNetwork], object]]] = {
     "goal": lambda sea: sea.apply(1, lambda engine, now: engine.actions.send_goal(30, VALUE, now)),
     "400 bytes": lambda sea: sea.publish(1, 11, VALUE * 33),
 }
-"""What each exchange begins with."""
+"""First command of each exchange."""
 
 
 def live_objects(root: object) -> Counter[str]:

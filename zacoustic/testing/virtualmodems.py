@@ -174,9 +174,8 @@ class VirtualModems(Modems[Device, Transmission]):
         """Report the carrier to an engine."""
         node = station.node
         if node.engine is not None:
+            station.is_unserved = True
             node.engine.handle_carrier(is_heard, node.clock.local(self.agenda.now), *self._by)
-            is_due = node.clock.is_due(self.agenda.now)
-            station.is_unserved |= is_due or node.engine.heeds_carriers(*self._by)
 
     def settle(self, station: Device) -> None:
         """Serve an engine that has had an input."""

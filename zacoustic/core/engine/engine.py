@@ -25,9 +25,11 @@ Who does what, on each link (`zacoustic.core.engine.linkstack`)::
     measurements ◄── handle_measurement, handle_frame
 
 A stream goes by the link, route or bond that `TransmitRules.links_of_streams` names, else by
-`default_link`, or the first link; so do remote commands. All links share one handshake.
+`default_link`, or the first link; so do remote commands. Ranges are measured on the first link. The
+handshake is one for all links.
 
-Medium access and airtime caps are the same for both wire profiles (`StreamTable.wire`).
+The wire profile of the stream table (`StreamTable.wire`) decides what is transmitted and
+understood. Medium access and airtime caps are the same for all profiles.
 """
 
 import random
@@ -564,13 +566,6 @@ class Engine:
         is_idle = all(stack.is_idle for stack in self._stacks.values())
         return is_idle and self.poll_timeout() is None
 
-    def heeds_carriers(self, link: str | None = None) -> bool:
-        """Return whether to poll after `handle_carrier`, as of the last `poll_timeout`.
-
-        False: nothing waited for the medium, so the carrier lets nothing go.
-        """
-        return self._has_tunnels or self._stack(link).transmitter.heeds_carriers
-
     @property
     def owes_acknowledgement(self) -> bool:
         """Whether an acknowledgement waits and this node may transmit."""
@@ -587,8 +582,9 @@ class Engine:
             LocalError: This engine was made without it.
         """
         made = self._stack(link).protocols.transports
-        if found := [each for each in made.values() if isinstance(each, kind)]:
-            return found[0]
+        for each in made.values():
+            if isinstance(each, kind):
+                return each
         names = ", ".join(made) or "none"
         raise LocalError(f"no transport {kind.name}; this engine has: {names}")
 

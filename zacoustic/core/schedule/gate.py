@@ -147,8 +147,6 @@ class Gate:
         """Whether medium access may get frames of its own."""
         self.has_bulk = port.bulk is not None
         """Whether there is a bulk service."""
-        self.is_wanted = True
-        """Whether anything wanted the link when `next_at` was asked last."""
         self._port = port
         self._frames = frames
         self._silence = silence
@@ -237,7 +235,6 @@ class Gate:
 
         It may be too early, never too late.
         """
-        self.is_wanted = True
         lane = self._silence.granted(now)
         if lane is not None:
             wanted = self._last_word_due(lane, now)
@@ -251,9 +248,7 @@ class Gate:
         if self.has_bulk:
             ways.append((self._bulk_due(now), self._of_bulk))
         earliest: int | None = None
-        self.is_wanted = False
         for wanted, passage in ways:
-            self.is_wanted |= wanted is not None
             at = None if wanted is None else passage.next_at(wanted, now)
             if at is not None and (earliest is None or at < earliest):
                 earliest = at

@@ -234,14 +234,6 @@ class Transmitter:
         """Return the instant from which a frame can and should go, ns, or None."""
         return None if self._gate is None else self._gate.next_at(now)
 
-    @property
-    def heeds_carriers(self) -> bool:
-        """Whether the end of a carrier may have let something go, as of the last `next_at`."""
-        port, gate = self.port, self._gate
-        if port is None or gate is None:
-            return False
-        return gate.is_wanted or self.has_schedule
-
     def waits(self, now: int) -> Waits | None:
         """Return why the next frame waits; None: nothing waits, or it goes at once."""
         if self._gate is not None:
